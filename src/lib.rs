@@ -1,0 +1,20 @@
+//! Afterimage validates temporal anti-aliasing (TAA) and temporal upscaling: it runs published systems on the GPU over
+//! frame sequences that engines dumped, compares them with references, and keeps the history of every metric.
+//!
+//! `ARCHITECTURE.md` has the map. In short: [`sequence`] loads frames in one canonical form, [`taa`] resolves them on
+//! the GPU or by its CPU twin, [`metrics`] compares, [`run`] ties the three together, [`store`] keeps reports,
+//! [`server`] and [`web`] show them, [`worker`] feeds queued jobs to [`run`].
+#![forbid(unsafe_code)]
+
+pub mod compare;
+pub mod config;
+pub mod gpu;
+pub mod image;
+pub mod metrics;
+pub mod run;
+pub mod sequence;
+pub mod server;
+pub mod store;
+pub mod taa;
+pub mod web;
+pub mod worker;

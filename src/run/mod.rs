@@ -1,0 +1,74 @@
+//! `execute(spec, sequence, gpu, observer) -> Report`: the one path from frames to numbers, used by the CLI and by the
+//! service's worker alike. Knows neither HTTP nor SQL.
+
+pub mod report;
+
+use crate::{gpu::Gpu, image::Image, metrics::Metric, sequence::Sequence, sequence::frame::Rgb, taa::Precision};
+use report::Report;
+use serde::{Deserialize, Serialize};
+
+/// One preset of a run, with overridden parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PresetSpec {
+    /// Preset id, such as `karis2014`.
+    pub preset: String,
+    /// Recipe parameters that replace the preset's, by name.
+    #[serde(default)]
+    pub parameters: serde_json::Map<String, serde_json::Value>,
+}
+
+/// What to run on a sequence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunSpec {
+    /// Which systems.
+    pub presets: Vec<PresetSpec>,
+    /// Which metrics; those that need a reference are left out where the sequence has none.
+    pub metrics: Vec<Metric>,
+    /// How history is stored.
+    pub history: Precision,
+    /// Run only the first so many frames.
+    pub n_frames: Option<usize>,
+    /// How often each GPU pass of a frame is timed.
+    pub repeat: u32,
+}
+
+/// Watches a run from outside. Called from the run's own threads.
+pub trait Observer: Sync {
+    /// `n_done` of `n_total` frame × preset pairs have their metrics.
+    fn progress(&self, n_done: usize, n_total: usize);
+    /// Whether `output` should be called at all: reading images back costs time.
+    fn wants_output(&self) -> bool;
+    /// The shown image of one frame of `spec.presets[preset_index]`, linear RGB.
+    fn output(&self, preset_index: usize, frame_index: usize, image: &Image<Rgb>) -> Result<(), std::io::Error>;
+    /// Asked between frames; `true` ends the run with [`RunError::Cancelled`].
+    fn cancelled(&self) -> bool;
+}
+
+/// Why a run gave no report.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The user's sequence or spec is at fault; trying again will not help.
+    #[error("{0}")]
+    Input(String),
+    /// The adapter failed; another try may help.
+    #[error("GPU: {0}")]
+    Device(String),
+    /// Our fault, or the machine's (a full disk).
+    #[error("{0}")]
+    Internal(String),
+    /// The observer asked for the end.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// Checks everything about `spec` that can be known without running it: preset ids, parameter names and values, and
+/// that the sequence has the inputs they need.
+pub fn validate(_spec: &RunSpec, _sequence: &Sequence) -> Result<(), RunError> {
+    todo!()
+}
+
+/// Runs every preset of `spec` over `sequence`.
+pub fn execute(_spec: &RunSpec, _sequence: &Sequence, _gpu: &Gpu, _observer: &dyn Observer) -> Result<Report, RunError> {
+    todo!()
+}

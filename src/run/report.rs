@@ -1,0 +1,105 @@
+//! What a run returns, and what the service stores: plain data, the same for the CLI's JSON and the API's.
+
+use crate::{
+    image::Extent,
+    metrics::{Summary, Value},
+};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Every preset of one run over one sequence.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// What was resolved.
+    pub sequence: SequenceInfo,
+    /// What resolved it.
+    pub adapter: AdapterInfo,
+    /// Git revision of the build that ran.
+    pub revision: String,
+    /// Version of each metric used, by id.
+    pub metric_versions: BTreeMap<String, u32>,
+    /// Wall time of each stage over the whole run, while all overlapped: `decode`, `gpu`, `metrics`, `total`.
+    pub stages_ms: BTreeMap<String, f64>,
+    /// One entry a preset, in the order asked for.
+    pub reports: Vec<PresetReport>,
+}
+
+/// The sequence a report speaks of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SequenceInfo {
+    /// Name from the manifest.
+    pub name: String,
+    /// Content hash: SHA-256 in hexadecimal over manifest and files.
+    pub hash: String,
+    /// Size of the engine's frames.
+    pub render_size: Extent,
+    /// Size of the reference and of the resolved image.
+    pub output_size: Extent,
+    /// Number of frames that ran.
+    pub n_frames: usize,
+}
+
+/// The adapter a report was made on. Times compare only between equal ones.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct AdapterInfo {
+    /// Name as the driver gives it.
+    pub name: String,
+    /// `Vulkan`, …
+    pub backend: String,
+    /// `Cpu`, `DiscreteGpu`, …
+    pub kind: String,
+    /// Driver's name.
+    pub driver: String,
+    /// Driver's version.
+    pub driver_version: String,
+}
+
+/// One preset over the sequence.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PresetReport {
+    /// Preset id.
+    pub preset: String,
+    /// The recipe in full: preset and overrides merged.
+    pub parameters: serde_json::Value,
+    /// What a reader must know to trust the numbers, such as "the input is jittered".
+    pub notes: Vec<String>,
+    /// Every frame, warm-up included.
+    pub frames: Vec<FrameReport>,
+    /// By metric id, over frames after warm-up.
+    pub summary: BTreeMap<String, Summary>,
+    /// By pass, over frames after warm-up and all repeats.
+    pub times_ms: BTreeMap<String, TimeSummary>,
+}
+
+/// One frame of one preset.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct FrameReport {
+    /// Position in the sequence, from 0.
+    pub index: usize,
+    /// History was dropped before this frame.
+    pub reset: bool,
+    /// The frame lies within the manifest's `warmup_frames` after a reset: stored, but not summarised.
+    pub warmup: bool,
+    /// Texels whose colour had a non-finite, negative or overflowing component.
+    pub repaired_texels: u64,
+    /// Pixels of output or reference with a non-finite component. Any at all fails the verdict.
+    pub non_finite_pixels: u64,
+    /// By metric id.
+    pub metrics: BTreeMap<String, Value>,
+    /// By pass (`prepare`, `resolve`: GPU timestamps, median of the repeats) and host stage (`host_cpu`, `decode`,
+    /// `upload`, `readback`, `metrics`: wall time of that stage, `host_cpu`: CPU time of the submitting thread).
+    pub times_ms: BTreeMap<String, f64>,
+}
+
+/// Repeated measurements of one pass.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TimeSummary {
+    /// Middle value.
+    pub median: f64,
+    /// Smallest value: the least disturbed.
+    pub min: f64,
+    /// Median absolute deviation from the median.
+    pub mad: f64,
+    /// How many measurements.
+    pub n: usize,
+}

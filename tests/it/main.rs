@@ -1,0 +1,15 @@
+//! The one integration-test binary (each binary links wgpu): a module a subject.
+
+mod api;
+mod bad_input;
+mod cli;
+mod golden;
+mod gpu_vs_reference;
+mod images;
+mod negative_controls;
+mod properties;
+mod sequence;
+mod shaders;
+mod store;
+mod tidy;
+mod web;
