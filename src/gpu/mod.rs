@@ -1,4 +1,46 @@
-//! The only module besides `taa`, `scene` and GPU metrics that names wgpu: adapter, passes, textures, timestamps.
+//! The GPU as the rest of the crate sees it: an adapter ([`Gpu`]), compute passes that bind by WGSL name ([`Pass`]),
+//! textures, read-back and timestamps. Knows nothing of frames, recipes or metrics.
 
-/// An adapter, its device and its queue. One a process (lavapipe leaks devices).
-pub struct Gpu {}
+mod adapter;
+mod pass;
+mod readback;
+mod texture;
+mod timer;
+
+pub use adapter::{Gpu, adapters};
+pub use pass::{Bound, Dispatch, Invocation, Pass, UniformValue};
+pub use readback::{Readback, ReadbackPool};
+pub use texture::Texture;
+pub use timer::{Timer, Times};
+
+/// What can go wrong on the GPU.
+#[derive(Debug, thiserror::Error)]
+pub enum GpuError {
+    /// No driver, or none that was asked for.
+    #[error("{0}")]
+    NoAdapter(String),
+    /// The adapter cannot do what is needed.
+    #[error("adapter `{adapter}`: {message}")]
+    Unsupported {
+        /// Adapter's name.
+        adapter: String,
+        /// What it lacks.
+        message: String,
+    },
+    /// A shader does not compile, or a binding does not match it: a mistake in this crate.
+    #[error("pass `{pass}`: {message}")]
+    Pass {
+        /// Label of the pass.
+        pass: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The device failed while working.
+    #[error("while {activity}: {message}")]
+    Device {
+        /// What was being done.
+        activity: String,
+        /// What wgpu said.
+        message: String,
+    },
+}

@@ -1,0 +1,55 @@
+// Rectification: history against the colour box of the current neighbourhood. CPU twin: src/taa/reference/rectify.rs.
+
+struct ColorBox {
+    lo: vec3f,
+    hi: vec3f,
+    mean: vec3f,
+}
+
+const RECTIFY_NONE: u32 = 0u;
+const RECTIFY_CLAMP: u32 = 1u;
+const RECTIFY_CLIP_CENTRE: u32 = 2u;
+const RECTIFY_CLIP_CURRENT: u32 = 3u;
+
+// The smallest half extent a box is given per channel: below f16's own step, the rounding of history in one flat channel
+// would throw it outside and so collapse all three onto the centre.
+fn smallest_half_extent(centre: vec3f, domain: u32) -> vec3f {
+    if (domain == DOMAIN_LINEAR) {
+        return 0x1p-11 * max(centre, vec3f(1.0));
+    }
+    return vec3f(0x1p-11);
+}
+
+// Pulls `history` towards the box centre until it is inside, keeping its direction from the centre.
+// Clamping each channel is cheaper but shifts hue when one channel leaves the box first.
+// Pedersen, "Temporal Reprojection Anti-Aliasing in INSIDE", GDC 2016.
+fn clip_centre(history: vec3f, bounds: ColorBox, domain: u32) -> vec3f {
+    let centre = 0.5 * (bounds.lo + bounds.hi);
+    let half_extent = max(0.5 * (bounds.hi - bounds.lo), smallest_half_extent(centre, domain));
+    let offset = history - centre;
+    let u = max3(abs(offset) / half_extent);
+    return select(history, centre + offset / u, u > 1.0);
+}
+
+// The point nearest to `history` inside the box on the segment that ends at the current colour, or at the box's mean
+// where the current colour is itself outside (a variance box can exclude it).
+// Salvi, "An Excursion in Temporal Supersampling", GDC 2016.
+fn clip_current(history: vec3f, current: vec3f, bounds: ColorBox) -> vec3f {
+    let current_inside = all(current >= bounds.lo) && all(current <= bounds.hi);
+    let end = select(bounds.mean, current, current_inside);
+    let direction = end - history;
+    // How far each channel must travel. A channel inside needs nothing, and only there can its direction be 0.
+    let excess = history - clamp(history, bounds.lo, bounds.hi);
+    let travel = select(-excess / direction, vec3f(0.0), excess == vec3f(0.0));
+    return clamp(history + direction * saturate(max3(travel)), bounds.lo, bounds.hi);
+}
+
+// `history`, `current` and the box share one colour space.
+fn rectify(kind: u32, history: vec3f, current: vec3f, bounds: ColorBox, domain: u32) -> vec3f {
+    switch (kind) {
+        case RECTIFY_CLAMP: { return clamp(history, bounds.lo, bounds.hi); }
+        case RECTIFY_CLIP_CENTRE: { return clip_centre(history, bounds, domain); }
+        case RECTIFY_CLIP_CURRENT: { return clip_current(history, current, bounds); }
+        default: { return history; }
+    }
+}

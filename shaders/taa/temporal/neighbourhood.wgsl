@@ -1,0 +1,100 @@
+// The colour box around a pixel, in the recipe's colour space. CPU twin: src/taa/reference/neighbourhood.rs.
+
+const NEIGHBOURHOOD_NONE: u32 = 0u;
+const NEIGHBOURHOOD_CROSS: u32 = 1u;
+const NEIGHBOURHOOD_BOX3: u32 = 2u;
+const NEIGHBOURHOOD_ROUNDED: u32 = 3u;
+const NEIGHBOURHOOD_VARIANCE: u32 = 4u;
+
+fn to_space(rgb: vec3f) -> vec3f {
+    if (space == SPACE_YCOCG) {
+        return rgb_to_ycocg(rgb);
+    }
+    return rgb;
+}
+
+fn from_space(c: vec3f) -> vec3f {
+    if (space == SPACE_YCOCG) {
+        return max(ycocg_to_rgb(c), vec3f(0.0));
+    }
+    return c;
+}
+
+// The texel at offset `o`, or, un-jittered, what the jitter-free grid would hold there.
+fn neighbour(p: vec2i, o: vec2i) -> vec3f {
+    if (unjitter_neighbourhood) {
+        return to_space(sample_bilinear(color, vec2f(p + o) + 0.5 - frame.jitter_px));
+    }
+    return to_space(fetch(color, p + o));
+}
+
+fn extend(bounds: ColorBox, c: vec3f) -> ColorBox {
+    return ColorBox(min(bounds.lo, c), max(bounds.hi, c), bounds.mean + c);
+}
+
+fn cross_box(p: vec2i) -> ColorBox {
+    let c = neighbour(p, vec2i(0));
+    var bounds = ColorBox(c, c, c);
+    bounds = extend(bounds, neighbour(p, vec2i(0, -1)));
+    bounds = extend(bounds, neighbour(p, vec2i(-1, 0)));
+    bounds = extend(bounds, neighbour(p, vec2i(1, 0)));
+    bounds = extend(bounds, neighbour(p, vec2i(0, 1)));
+    bounds.mean *= 1.0 / 5.0;
+    return bounds;
+}
+
+fn box3(p: vec2i) -> ColorBox {
+    let c = neighbour(p, vec2i(-1));
+    var bounds = ColorBox(c, c, c);
+    for (var i = 1; i < 9; i++) {
+        bounds = extend(bounds, neighbour(p, vec2i(i % 3, i / 3) - 1));
+    }
+    bounds.mean *= 1.0 / 9.0;
+    return bounds;
+}
+
+// Pedersen, INSIDE: the corners of the 3×3 count half.
+fn rounded_box(p: vec2i) -> ColorBox {
+    let a = cross_box(p);
+    let b = box3(p);
+    return ColorBox(0.5 * (a.lo + b.lo), 0.5 * (a.hi + b.hi), 0.5 * (a.mean + b.mean));
+}
+
+// Salvi, variance clipping: mean ± γ σ over n×n texels. Moments are taken about the centre texel, because
+// m2/N - μ² cancels where the neighbourhood is bright and flat.
+fn variance_box(p: vec2i) -> ColorBox {
+    let centre = neighbour(p, vec2i(0));
+    let radius = i32(variance_window) / 2;
+    var m1 = vec3f(0.0);
+    var m2 = vec3f(0.0);
+    for (var y = -radius; y <= radius; y++) {
+        for (var x = -radius; x <= radius; x++) {
+            let d = neighbour(p, vec2i(x, y)) - centre;
+            m1 += d;
+            m2 += d * d;
+        }
+    }
+    let per_texel = 1.0 / f32(variance_window * variance_window);
+    let offset = m1 * per_texel;
+    let sigma = sqrt(max(vec3f(0.0), m2 * per_texel - offset * offset));
+    let mean = centre + offset;
+    let bounds = ColorBox(mean - variance_gamma * sigma, mean + variance_gamma * sigma, mean);
+    if (!intersect_minmax) {
+        return bounds;
+    }
+    let minmax = box3(p);
+    let lo = max(bounds.lo, minmax.lo);
+    let hi = min(bounds.hi, minmax.hi);
+    let empty = any(lo > hi);
+    return ColorBox(select(lo, minmax.lo, empty), select(hi, minmax.hi, empty), mean);
+}
+
+fn color_box(p: vec2i) -> ColorBox {
+    switch (neighbourhood) {
+        case NEIGHBOURHOOD_CROSS: { return cross_box(p); }
+        case NEIGHBOURHOOD_BOX3: { return box3(p); }
+        case NEIGHBOURHOOD_ROUNDED: { return rounded_box(p); }
+        case NEIGHBOURHOOD_VARIANCE: { return variance_box(p); }
+        default: { return ColorBox(); }
+    }
+}

@@ -1,0 +1,153 @@
+//! Finding an adapter by name or index, and opening its device.
+
+use super::GpuError;
+use crate::run::report::AdapterInfo;
+use std::sync::Arc;
+
+/// An adapter with its device and queue. Open one a process: lavapipe keeps what a closed device held.
+#[derive(Debug)]
+pub struct Gpu {
+    /// Creates resources.
+    pub device: wgpu::Device,
+    /// Takes commands.
+    pub queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+}
+
+const NO_DRIVER: &str = "no Vulkan adapter found: install a GPU driver, or Mesa's software renderer with \
+     `apt-get install libvulkan1 mesa-vulkan-drivers`";
+
+/// The adapters that could be opened, in the order of their index.
+pub fn adapters() -> Vec<AdapterInfo> {
+    let found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
+    found.iter().map(|adapter| describe(&adapter.get_info())).collect()
+}
+
+impl Gpu {
+    /// Opens the adapter whose index in [`adapters`] or part of whose name is `wanted` (case does not matter); the
+    /// first GPU, else the first software renderer, where nothing is wanted.
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`] says what to install or which adapters there are.
+    pub fn open(wanted: Option<&str>) -> Result<Arc<Self>, GpuError> {
+        let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
+        if found.is_empty() {
+            return Err(GpuError::NoAdapter(NO_DRIVER.to_owned()));
+        }
+        let index = match wanted {
+            Some(wanted) => find(&found, wanted)?,
+            None => found
+                .iter()
+                .position(|adapter| adapter.get_info().device_type != wgpu::DeviceType::Cpu)
+                .unwrap_or(0),
+        };
+        Self::open_device(found.swap_remove(index)).map(Arc::new)
+    }
+
+    fn open_device(adapter: wgpu::Adapter) -> Result<Self, GpuError> {
+        let info = adapter.get_info();
+        let unsupported = |message: String| GpuError::Unsupported {
+            adapter: info.name.clone(),
+            message,
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("afterimage"),
+            // Times are left out of the report where the adapter has no timestamps.
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        }))
+        .map_err(|error| unsupported(error.to_string()))?;
+        Ok(Self { device, queue, info })
+    }
+
+    /// Name, kind and driver, as reports carry them.
+    pub fn info(&self) -> AdapterInfo {
+        describe(&self.info)
+    }
+
+    /// Whether the adapter runs on the host's own cores.
+    pub fn is_cpu(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// The largest width or height of a texture.
+    pub fn max_side(&self) -> u32 {
+        self.device.limits().max_texture_dimension_2d
+    }
+
+    /// The workgroup of passes that leave it open. On a CPU a row: its lanes then read neighbouring texels.
+    pub(super) fn workgroup(&self) -> [u32; 2] {
+        if self.is_cpu() { [64, 1] } else { [8, 8] }
+    }
+
+    /// Runs `work` and turns what wgpu reports meanwhile into an error that says what was being done.
+    pub fn scope<T>(&self, activity: &str, work: impl FnOnce() -> T) -> Result<T, GpuError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let result = work();
+        // Scopes nest: the last pushed goes first.
+        let errors = [
+            pollster::block_on(validation.pop()),
+            pollster::block_on(internal.pop()),
+            pollster::block_on(memory.pop()),
+        ];
+        match errors.into_iter().flatten().next() {
+            None => Ok(result),
+            Some(error) => Err(GpuError::Device {
+                activity: activity.to_owned(),
+                message: error.to_string(),
+            }),
+        }
+    }
+
+    /// Waits until `submission` is done and its buffers are mapped.
+    pub fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        self.device
+            .poll(wgpu::PollType::Wait {
+                submission_index: Some(submission),
+                timeout: None,
+            })
+            .map(drop)
+            .map_err(|error| GpuError::Device {
+                activity: "waiting for the adapter".to_owned(),
+                message: error.to_string(),
+            })
+    }
+}
+
+fn instance() -> wgpu::Instance {
+    wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::VULKAN,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    })
+}
+
+fn find(found: &[wgpu::Adapter], wanted: &str) -> Result<usize, GpuError> {
+    let by_index = wanted.parse::<usize>().ok().filter(|&index| index < found.len());
+    let by_name = || {
+        let wanted = wanted.to_lowercase();
+        found
+            .iter()
+            .position(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted))
+    };
+    by_index.or_else(by_name).ok_or_else(|| {
+        let names: Vec<_> = found
+            .iter()
+            .enumerate()
+            .map(|(index, adapter)| format!("{index}: {}", adapter.get_info().name))
+            .collect();
+        GpuError::NoAdapter(format!("no adapter matches `{wanted}`; there are {}", names.join(", ")))
+    })
+}
+
+fn describe(info: &wgpu::AdapterInfo) -> AdapterInfo {
+    AdapterInfo {
+        name: info.name.clone(),
+        backend: format!("{:?}", info.backend),
+        kind: format!("{:?}", info.device_type),
+        driver: info.driver.clone(),
+        driver_version: info.driver_info.clone(),
+    }
+}

@@ -1,0 +1,139 @@
+//! Results on their way back to the host. Buffers are mapped while the device goes on with the next frame, read on any
+//! thread, and reused: fresh ones would cost a page fault every 4 KiB.
+
+use super::{Gpu, GpuError, Texture};
+use crate::image::Image;
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Host-visible buffers waiting to be used again.
+#[derive(Clone, Debug, Default)]
+pub struct ReadbackPool {
+    free: Arc<Mutex<Vec<wgpu::Buffer>>>,
+}
+
+/// What one submission copies back. Record copies, submit, [`Readback::map`], wait for the submission, read.
+#[derive(Debug)]
+pub struct Readback {
+    buffers: Vec<wgpu::Buffer>,
+    pool: ReadbackPool,
+}
+
+impl ReadbackPool {
+    /// An empty read-back.
+    pub fn begin(&self) -> Readback {
+        Readback {
+            buffers: Vec::new(),
+            pool: self.clone(),
+        }
+    }
+
+    fn take(&self, gpu: &Gpu, size: u64) -> wgpu::Buffer {
+        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        match free.iter().position(|buffer| buffer.size() == size) {
+            Some(index) => free.swap_remove(index),
+            None => gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("read-back"),
+                size,
+                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            }),
+        }
+    }
+}
+
+/// Rows of a texture copied to a buffer start at multiples of this many bytes.
+const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
+
+fn padded_row_bytes(width: u32) -> u32 {
+    (width * 16).next_multiple_of(ROW_ALIGNMENT)
+}
+
+impl Readback {
+    /// Records the copy of an `rgba32float` texture; returns the slot to read it from.
+    pub fn copy_texture(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &Texture) -> usize {
+        let extent = texture.extent();
+        let row_bytes = padded_row_bytes(extent.width);
+        let buffer = self.pool.take(gpu, u64::from(row_bytes) * u64::from(extent.height));
+        encoder.copy_texture_to_buffer(
+            texture.raw().as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row_bytes),
+                    rows_per_image: None,
+                },
+            },
+            texture.raw().size(),
+        );
+        self.push(buffer)
+    }
+
+    /// Records the copy of the first `size` bytes of a buffer; returns the slot to read them from.
+    pub fn copy_buffer(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        source: &wgpu::Buffer,
+        size: u64,
+    ) -> usize {
+        let buffer = self.pool.take(gpu, size);
+        encoder.copy_buffer_to_buffer(source, 0, &buffer, 0, size);
+        self.push(buffer)
+    }
+
+    fn push(&mut self, buffer: wgpu::Buffer) -> usize {
+        self.buffers.push(buffer);
+        self.buffers.len() - 1
+    }
+
+    /// Asks for everything to be mapped once the submission is done. Call between submitting and waiting.
+    pub fn map(&self) {
+        for buffer in &self.buffers {
+            // A failure shows itself when the bytes are read.
+            buffer.map_async(wgpu::MapMode::Read, .., |_| {});
+        }
+    }
+
+    /// The bytes of a slot.
+    pub fn bytes(&self, slot: usize) -> Result<wgpu::BufferView, GpuError> {
+        self.buffers[slot]
+            .slice(..)
+            .get_mapped_range()
+            .map_err(|error| GpuError::Device {
+                activity: "reading a result back".to_owned(),
+                message: error.to_string(),
+            })
+    }
+
+    /// The colour of a slot that [`Readback::copy_texture`] returned for `texture`'s extent.
+    pub fn rgb(&self, slot: usize, extent: crate::image::Extent) -> Result<Image<[f32; 3]>, GpuError> {
+        let bytes = self.bytes(slot)?;
+        let bytes: &[u8] = &bytes;
+        let width = extent.width as usize;
+        let mut pixels = vec![[0.0; 3]; extent.n_pixels()];
+        pixels
+            .par_chunks_exact_mut(width)
+            .zip(bytes.par_chunks_exact(padded_row_bytes(extent.width) as usize))
+            .for_each(|(row, padded)| {
+                for (pixel, rgba) in row.iter_mut().zip(padded.chunks_exact(16)) {
+                    *pixel = bytemuck::pod_read_unaligned(&rgba[..12]);
+                }
+            });
+        Ok(Image::from_pixels(extent, pixels))
+    }
+}
+
+impl Drop for Readback {
+    fn drop(&mut self) {
+        for buffer in &self.buffers {
+            buffer.unmap();
+        }
+        self.pool
+            .free
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .append(&mut self.buffers);
+    }
+}

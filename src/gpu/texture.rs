@@ -1,0 +1,98 @@
+//! Textures: every image on the device, 2-D with one level.
+
+use super::Gpu;
+use crate::image::{Extent, Image};
+use rayon::prelude::*;
+
+/// A 2-D texture and its only view.
+#[derive(Debug)]
+pub struct Texture {
+    texture: wgpu::Texture,
+    view: wgpu::TextureView,
+    extent: Extent,
+}
+
+impl Texture {
+    /// A texture that passes read, write, and that is uploaded to or read back.
+    pub fn new(gpu: &Gpu, label: &str, extent: Extent, format: wgpu::TextureFormat) -> Self {
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d {
+                width: extent.width,
+                height: extent.height,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: usages(format),
+            view_formats: &[],
+        });
+        Self {
+            view: texture.create_view(&wgpu::TextureViewDescriptor::default()),
+            texture,
+            extent,
+        }
+    }
+
+    /// Width and height.
+    pub fn extent(&self) -> Extent {
+        self.extent
+    }
+
+    /// For binding.
+    pub(super) fn view(&self) -> &wgpu::TextureView {
+        &self.view
+    }
+
+    /// For copies.
+    pub(super) fn raw(&self) -> &wgpu::Texture {
+        &self.texture
+    }
+
+    /// Uploads RGB as `rgba32float`. The textures have no three-channel format.
+    pub fn write_rgb(&self, gpu: &Gpu, image: &Image<[f32; 3]>) {
+        let mut rgba = Vec::with_capacity(image.pixels().len());
+        image
+            .pixels()
+            .par_iter()
+            .with_min_len(4096)
+            .map(|&[r, g, b]| [r, g, b, 1.0])
+            .collect_into_vec(&mut rgba);
+        self.write(gpu, bytemuck::cast_slice(&rgba));
+    }
+
+    /// Uploads pairs as `rg32float`.
+    pub fn write_vec2(&self, gpu: &Gpu, image: &Image<[f32; 2]>) {
+        self.write(gpu, bytemuck::cast_slice(image.pixels()));
+    }
+
+    /// Uploads scalars as `r32float`.
+    pub fn write_scalar(&self, gpu: &Gpu, image: &Image<f32>) {
+        self.write(gpu, bytemuck::cast_slice(image.pixels()));
+    }
+
+    fn write(&self, gpu: &Gpu, bytes: &[u8]) {
+        gpu.queue.write_texture(
+            self.texture.as_image_copy(),
+            bytes,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some((bytes.len() / self.extent.height as usize) as u32),
+                rows_per_image: None,
+            },
+            self.texture.size(),
+        );
+    }
+}
+
+/// Two-channel floats cannot be written by every adapter's passes, and none of ours writes one.
+fn usages(format: wgpu::TextureFormat) -> wgpu::TextureUsages {
+    let common = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::COPY_SRC;
+    if format == wgpu::TextureFormat::Rg32Float {
+        common
+    } else {
+        common | wgpu::TextureUsages::STORAGE_BINDING
+    }
+}

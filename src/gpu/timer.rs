@@ -1,0 +1,104 @@
+//! GPU timestamps around passes.
+
+use super::{Gpu, GpuError, Readback};
+
+/// Times the passes of one submission.
+#[derive(Debug)]
+pub struct Timer {
+    queries: Option<Queries>,
+    /// Nanoseconds a tick.
+    period_ns: f32,
+    /// What each pair of timestamps stands for.
+    labels: Vec<String>,
+    capacity: u32,
+}
+
+#[derive(Debug)]
+struct Queries {
+    set: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+}
+
+impl Timer {
+    /// A timer for up to `capacity` passes a submission. Times nothing where the adapter has no timestamps.
+    pub fn new(gpu: &Gpu, capacity: u32) -> Self {
+        let has_timestamps = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let queries = has_timestamps.then(|| Queries {
+            set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("pass times"),
+                ty: wgpu::QueryType::Timestamp,
+                count: capacity * 2,
+            }),
+            resolved: gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("pass times"),
+                size: u64::from(capacity) * 16,
+                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            }),
+        });
+        Self {
+            queries,
+            period_ns: gpu.queue.get_timestamp_period(),
+            labels: Vec::new(),
+            capacity,
+        }
+    }
+
+    /// The timestamps of the next pass, to be reported under `label`.
+    ///
+    /// # Panics
+    /// When more passes are timed than the capacity.
+    pub fn time(&mut self, label: &str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let queries = self.queries.as_ref()?;
+        let index = self.labels.len() as u32;
+        assert!(index < self.capacity, "more passes than the timer holds");
+        self.labels.push(label.to_owned());
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: &queries.set,
+            beginning_of_pass_write_index: Some(index * 2),
+            end_of_pass_write_index: Some(index * 2 + 1),
+        })
+    }
+
+    /// Copies the timestamps into `readback`, ends this submission's timing, and returns how to read them.
+    pub fn finish(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Times {
+        let labels = std::mem::take(&mut self.labels);
+        let slot = self.queries.as_ref().filter(|_| !labels.is_empty()).map(|queries| {
+            let n = labels.len() as u32 * 2;
+            encoder.resolve_query_set(&queries.set, 0..n, &queries.resolved, 0);
+            readback.copy_buffer(gpu, encoder, &queries.resolved, u64::from(n) * 8)
+        });
+        Times {
+            labels,
+            slot,
+            period_ns: self.period_ns,
+        }
+    }
+}
+
+/// The times of one submission, once its read-back has arrived.
+#[derive(Debug)]
+pub struct Times {
+    labels: Vec<String>,
+    slot: Option<usize>,
+    period_ns: f32,
+}
+
+impl Times {
+    /// Label and milliseconds of each timed pass, in order.
+    pub fn read(&self, readback: &Readback) -> Result<Vec<(String, f64)>, GpuError> {
+        let Some(slot) = self.slot else {
+            return Ok(Vec::new());
+        };
+        let bytes = readback.bytes(slot)?;
+        let ticks = |pair: &[u8], at| u64::from_le_bytes(std::array::from_fn(|i| pair[at + i]));
+        Ok(bytes
+            .chunks_exact(16)
+            .zip(&self.labels)
+            .map(|(pair, label)| {
+                let elapsed = ticks(pair, 8).saturating_sub(ticks(pair, 0)) as f64;
+                (label.clone(), elapsed * f64::from(self.period_ns) * 1e-6)
+            })
+            .collect())
+    }
+}
