@@ -3,7 +3,10 @@
 
 pub mod report;
 
-use crate::{gpu::Gpu, image::Image, metrics::Metric, sequence::Sequence, sequence::frame::Rgb, taa::Precision};
+use crate::{
+    gpu::Gpu, image::Image, metrics::Metric, sequence::Sequence, sequence::frame::Rgb,
+    taa::Precision,
+};
 use report::Report;
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +43,12 @@ pub trait Observer: Sync {
     /// Whether `output` should be called at all: reading images back costs time.
     fn wants_output(&self) -> bool;
     /// The shown image of one frame of `spec.presets[preset_index]`, linear RGB.
-    fn output(&self, preset_index: usize, frame_index: usize, image: &Image<Rgb>) -> Result<(), std::io::Error>;
+    fn output(
+        &self,
+        preset_index: usize,
+        frame_index: usize,
+        image: &Image<Rgb>,
+    ) -> Result<(), std::io::Error>;
     /// Asked between frames; `true` ends the run with [`RunError::Cancelled`].
     fn cancelled(&self) -> bool;
 }
@@ -69,6 +77,11 @@ pub fn validate(_spec: &RunSpec, _sequence: &Sequence) -> Result<(), RunError> {
 }
 
 /// Runs every preset of `spec` over `sequence`.
-pub fn execute(_spec: &RunSpec, _sequence: &Sequence, _gpu: &Gpu, _observer: &dyn Observer) -> Result<Report, RunError> {
+pub fn execute(
+    _spec: &RunSpec,
+    _sequence: &Sequence,
+    _gpu: &Gpu,
+    _observer: &dyn Observer,
+) -> Result<Report, RunError> {
     todo!()
 }

@@ -1,0 +1,189 @@
+//! An image as metrics see it: planes of f64 in the domains asked for, and which pixels cannot be judged.
+
+use super::{Display, Domain, Metric, display, quantities};
+use crate::{
+    image::{Extent, Image},
+    sequence::frame::Rgb,
+};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Three channels, each a row-major plane.
+type Planes = [Vec<f64>; 3];
+
+/// An image prepared for a set of metrics: display values, and linear ones where a metric reads them. A pixel with a
+/// non-finite component is NaN in all of them.
+pub struct Shown {
+    extent: Extent,
+    display: Planes,
+    linear: Option<Planes>,
+    n_non_finite: u64,
+}
+
+impl Shown {
+    /// A linear RGB image after `display`.
+    pub fn from_linear(linear: &Image<Rgb>, display: Display, metrics: &[Metric]) -> Self {
+        Self::from_pixels(linear, metrics, |pixel| display.apply(pixel), poison)
+    }
+
+    /// An image of sRGB-encoded 8-bit values, as PNG files hold them. Exact: no display transform, no rounding.
+    pub fn from_u8(encoded: &Image<[u8; 3]>, metrics: &[Metric]) -> Self {
+        Self::from_encoded(encoded, 255, metrics)
+    }
+
+    /// An image of sRGB-encoded 16-bit values.
+    pub fn from_u16(encoded: &Image<[u16; 3]>, metrics: &[Metric]) -> Self {
+        Self::from_encoded(encoded, 65_535, metrics)
+    }
+
+    fn from_encoded<T: Copy + Send + Sync + Into<u32>>(
+        image: &Image<[T; 3]>,
+        max: u32,
+        metrics: &[Metric],
+    ) -> Self {
+        let value = |code: u32| f64::from(code) / f64::from(max);
+        let linear: Vec<f64> = (0..=max)
+            .map(|code| display::linear_from_srgb(value(code)))
+            .collect();
+        Self::from_pixels(
+            image,
+            metrics,
+            |pixel| pixel.map(|c| value(c.into())),
+            |pixel| pixel.map(|c| linear[c.into() as usize]),
+        )
+    }
+
+    fn from_pixels<P: Copy + Send + Sync>(
+        image: &Image<P>,
+        metrics: &[Metric],
+        display: impl Fn(P) -> [f64; 3] + Sync,
+        linear: impl Fn(P) -> [f64; 3] + Sync,
+    ) -> Self {
+        let reads_linear = quantities(metrics)
+            .iter()
+            .any(|quantity| quantity.domain() == Domain::Linear);
+        let display = planes(image, display);
+        Self {
+            extent: image.extent(),
+            linear: reads_linear.then(|| planes(image, linear)),
+            n_non_finite: display[0].par_iter().filter(|value| value.is_nan()).count() as u64,
+            display,
+        }
+    }
+
+    /// Width and height.
+    pub fn extent(&self) -> Extent {
+        self.extent
+    }
+
+    /// How many pixels are non-finite here or in `other`.
+    pub(super) fn count_non_finite(&self, other: &Self) -> u64 {
+        if self.n_non_finite == 0 || other.n_non_finite == 0 {
+            return self.n_non_finite + other.n_non_finite;
+        }
+        let pairs = self.display[0].iter().zip(&other.display[0]);
+        pairs.filter(|(a, b)| a.is_nan() || b.is_nan()).count() as u64
+    }
+
+    /// The `columns` of row `y` of a channel. Domains that are not stored are computed into `scratch`.
+    pub(super) fn row<'a>(
+        &'a self,
+        domain: Domain,
+        channel: usize,
+        y: usize,
+        columns: Range<usize>,
+        scratch: &'a mut Vec<f64>,
+    ) -> &'a [f64] {
+        let start = y * self.extent.width as usize;
+        let span = start + columns.start..start + columns.end;
+        let [r, g, b] = self.display.each_ref().map(|plane| &plane[span.clone()]);
+        scratch.clear();
+        match domain {
+            Domain::Display => [r, g, b][channel],
+            Domain::Linear => {
+                let linear = self
+                    .linear
+                    .as_ref()
+                    .expect("the image was prepared for these metrics");
+                &linear[channel][span]
+            }
+            Domain::Luma => {
+                scratch.extend((0..r.len()).map(|x| display::luma([r[x], g[x], b[x]])));
+                scratch
+            }
+            Domain::U8 => {
+                scratch.extend([r, g, b][channel].iter().map(|&value| round(255.0 * value)));
+                scratch
+            }
+        }
+    }
+}
+
+/// Linear values in f64; a pixel with a non-finite component is NaN altogether, so that Inf − Inf, Inf − 1 and NaN all
+/// end as NaN.
+fn poison(pixel: Rgb) -> [f64; 3] {
+    if pixel.iter().all(|c| c.is_finite()) {
+        pixel.map(f64::from)
+    } else {
+        [f64::NAN; 3]
+    }
+}
+
+/// To the nearest whole number, ties to even, for 0 ≤ `value` < 2⁵¹. Adding 2⁵² leaves no bits for a fraction; unlike
+/// `round` it needs no call, so that rows vectorise, and unlike a cast to an integer it keeps NaN.
+fn round(value: f64) -> f64 {
+    const TWO_52: f64 = (1_u64 << 52) as f64;
+    (value + TWO_52) - TWO_52
+}
+
+fn planes<P: Copy + Send + Sync>(image: &Image<P>, f: impl Fn(P) -> [f64; 3] + Sync) -> Planes {
+    let width = (image.extent().width as usize).max(1);
+    let mut planes = [(); 3].map(|()| vec![0.0; image.extent().n_pixels()]);
+    let [r, g, b] = &mut planes;
+    let rows = (
+        r.par_chunks_mut(width),
+        g.par_chunks_mut(width),
+        b.par_chunks_mut(width),
+    );
+    rows.into_par_iter()
+        .zip(image.pixels().par_chunks(width))
+        .for_each(|((r, g, b), pixels)| {
+            for (x, &pixel) in pixels.iter().enumerate() {
+                [r[x], g[x], b[x]] = f(pixel);
+            }
+        });
+    planes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eight_bit_codes_survive() {
+        let codes = Image::from_fn(Extent::new(256, 1), |x, _| [x as u8; 3]);
+        let shown = Shown::from_u8(&codes, &[Metric::PsnrU8]);
+        let mut scratch = Vec::new();
+        let row = shown.row(Domain::U8, 2, 0, 0..256, &mut scratch);
+        assert!(
+            row.iter()
+                .enumerate()
+                .all(|(code, &value)| value == code as f64)
+        );
+    }
+
+    #[test]
+    fn a_bad_component_poisons_its_pixel_in_every_domain() {
+        let mut image = Image::filled(Extent::new(4, 2), [0.5; 3]);
+        image.pixels_mut()[6] = [0.5, f32::INFINITY, 0.5];
+        let shown = Shown::from_linear(&image, Display::default(), &[Metric::PsnrLinear]);
+        let mut scratch = Vec::new();
+        for domain in [Domain::Linear, Domain::Display, Domain::Luma, Domain::U8] {
+            for channel in 0..domain.n_channels() {
+                let row = shown.row(domain, channel, 1, 0..4, &mut scratch);
+                let bad: Vec<bool> = row.iter().map(|value| value.is_nan()).collect();
+                assert_eq!(bad, [false, false, true, false], "{domain:?}");
+            }
+        }
+    }
+}

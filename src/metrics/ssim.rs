@@ -1,0 +1,234 @@
+//! Structural similarity: `ssim`, `ssim.y`, `ssim.u8`. Wang, Bovik, Sheikh and Simoncelli, "Image Quality Assessment:
+//! From Error Visibility to Structural Similarity", 2004: an 11×11 Gaussian window, σ 1.5, population covariance, mean
+//! over the windows that lie wholly inside the image.
+//!
+//! In terms of the sum S = T + R and the difference D = T − R the index is
+//!
+//! ```text
+//! (μS² − μD² + 2 C1) (σS² − σD² + 2 C2)
+//! ─────────────────────────────────────
+//! (μS² + μD² + 2 C1) (σS² + σD² + 2 C2)
+//! ```
+//!
+//! which needs four filtered planes instead of five, is symmetric to the last bit, and is exactly 1 for equal images.
+//! Windows are separable: each column of a tile is filtered over a ring of the last eleven rows, then the row.
+
+use super::{Better, Definition, Domain, MetricInfo, Quantity, Shown, Sums};
+use crate::image::{Extent, Image};
+use rayon::prelude::*;
+use std::sync::LazyLock;
+
+/// Side of the window in pixels.
+pub(super) const WINDOW: usize = 11;
+const HALF: usize = WINDOW / 2;
+const SIGMA: f64 = 1.5;
+
+/// Columns of windows in a tile; with the ring it fits the first-level cache.
+const TILE: usize = 64;
+const TILE_INPUT: usize = TILE + WINDOW - 1;
+/// Rows of windows that one thread takes at a time.
+const BAND: usize = 64;
+
+pub(super) const SSIM: Definition = ssim(
+    "ssim",
+    Domain::Display,
+    "Structural similarity of display RGB",
+);
+pub(super) const SSIM_Y: Definition = ssim(
+    "ssim.y",
+    Domain::Luma,
+    "Structural similarity of Rec. 709 luma",
+);
+pub(super) const SSIM_U8: Definition = ssim(
+    "ssim.u8",
+    Domain::U8,
+    "Structural similarity of display RGB rounded to 8 bits",
+);
+
+const fn ssim(id: &'static str, domain: Domain, description: &'static str) -> Definition {
+    Definition {
+        info: MetricInfo {
+            id,
+            unit: "",
+            better: Better::Higher,
+            version: 1,
+            description,
+        },
+        quantity: Quantity::Ssim(domain),
+        value: Sums::mean,
+        relative_mse: None,
+    }
+}
+
+/// Weights of the window's centre and of the pixels 1 to 5 away from it; the eleven sum to 1.
+pub(super) static WEIGHTS: LazyLock<[f64; HALF + 1]> = LazyLock::new(|| {
+    let gauss: [f64; HALF + 1] =
+        std::array::from_fn(|i| libm::exp(-0.5 * (i as f64 / SIGMA) * (i as f64 / SIGMA)));
+    let sum = gauss[0] + 2.0 * gauss[1..].iter().sum::<f64>();
+    gauss.map(|weight| weight / sum)
+});
+
+/// The constants C1 and C2 that keep flat windows stable, for values up to `peak`.
+pub(super) fn stabilisers(peak: f64) -> [f64; 2] {
+    [(0.01 * peak) * (0.01 * peak), (0.03 * peak) * (0.03 * peak)]
+}
+
+/// Sums the index over all windows and channels, in an order that does not depend on the number of threads.
+pub(super) fn measure(domain: Domain, reference: &Shown, test: &Shown) -> Sums {
+    let valid = valid_extent(reference.extent());
+    let (width, height) = (valid.width as usize, valid.height as usize);
+    let bands: Vec<f64> = (0..height.div_ceil(BAND) * domain.n_channels())
+        .into_par_iter()
+        .map(|i| {
+            let (channel, first) = (i % domain.n_channels(), i / domain.n_channels() * BAND);
+            let mut total = 0.0;
+            let rows = first..height.min(first + BAND);
+            let mut pair = Pair::new(domain, channel, reference, test);
+            pair.for_each_run(rows, width, |_, _, indices| {
+                total += indices.iter().sum::<f64>()
+            });
+            total
+        })
+        .collect();
+    Sums {
+        total: bands.iter().sum(),
+        reference: 0.0,
+        n: width * height * domain.n_channels(),
+    }
+}
+
+/// The index of every window, averaged over the channels of display RGB: pixel (x, y) is the window centred five pixels
+/// further right and down.
+pub(super) fn map(reference: &Shown, test: &Shown) -> Image<f32> {
+    let valid = valid_extent(reference.extent());
+    let width = valid.width as usize;
+    let mut map = Image::filled(valid, 0.0);
+    let bands = map.pixels_mut().par_chunks_mut(width * BAND).enumerate();
+    bands.for_each(|(band, pixels)| {
+        let first = band * BAND;
+        for channel in 0..3 {
+            let rows = first..first + pixels.len() / width;
+            let mut pair = Pair::new(Domain::Display, channel, reference, test);
+            pair.for_each_run(rows, width, |x, y, indices| {
+                let run = &mut pixels[(y - first) * width + x..][..indices.len()];
+                for (pixel, index) in run.iter_mut().zip(indices) {
+                    *pixel += (index / 3.0) as f32;
+                }
+            });
+        }
+    });
+    map
+}
+
+/// How many windows fit in each axis.
+pub(super) fn valid_extent(extent: Extent) -> Extent {
+    Extent::new(
+        extent.width - 2 * HALF as u32,
+        extent.height - 2 * HALF as u32,
+    )
+}
+
+/// The planes that are filtered, over one row of a tile: S, D, S², D².
+type Row = [[f64; TILE_INPUT]; 4];
+
+/// A channel of two images, and room to filter them.
+struct Pair<'a> {
+    domain: Domain,
+    channel: usize,
+    images: [&'a Shown; 2],
+    scratch: [Vec<f64>; 2],
+    ring: Box<[Row; WINDOW]>,
+    stabilisers: [f64; 2],
+}
+
+impl<'a> Pair<'a> {
+    fn new(domain: Domain, channel: usize, reference: &'a Shown, test: &'a Shown) -> Self {
+        Self {
+            domain,
+            channel,
+            images: [reference, test],
+            scratch: Default::default(),
+            ring: Box::new([[[0.0; TILE_INPUT]; 4]; WINDOW]),
+            stabilisers: stabilisers(domain.peak()),
+        }
+    }
+
+    /// Calls `f(x, y, indices)` for every run of at most [`TILE`] windows in `rows`, `width` windows to a row.
+    fn for_each_run(
+        &mut self,
+        rows: std::ops::Range<usize>,
+        width: usize,
+        mut f: impl FnMut(usize, usize, &[f64]),
+    ) {
+        for x in (0..width).step_by(TILE) {
+            let n = TILE.min(width - x);
+            for y in rows.start..rows.start + WINDOW - 1 {
+                self.load(x, n, y);
+            }
+            for y in rows.clone() {
+                self.load(x, n, y + WINDOW - 1);
+                let filtered = filter_rows(&filter_columns(&self.ring, y));
+                f(x, y, &indices(&filtered, self.stabilisers)[..n]);
+            }
+        }
+    }
+
+    /// Puts row `y` of the images into the ring; columns beyond the image keep what they held and are not read.
+    fn load(&mut self, x: usize, n: usize, y: usize) {
+        let [scratch_r, scratch_t] = &mut self.scratch;
+        let columns = x..x + n + WINDOW - 1;
+        let [reference, test] = self.images;
+        let r = reference.row(self.domain, self.channel, y, columns.clone(), scratch_r);
+        let t = test.row(self.domain, self.channel, y, columns, scratch_t);
+        let [s, d, ss, dd] = &mut self.ring[y % WINDOW];
+        for (i, (r, t)) in r.iter().zip(t).enumerate() {
+            (s[i], d[i]) = (t + r, t - r);
+            (ss[i], dd[i]) = (s[i] * s[i], d[i] * d[i]);
+        }
+    }
+}
+
+/// The Gaussian over the eleven rows from `first` on.
+fn filter_columns(ring: &[Row; WINDOW], first: usize) -> Row {
+    let weights = *WEIGHTS;
+    let row = |offset: usize| &ring[(first + offset) % WINDOW];
+    let mut filtered = *row(HALF);
+    for (plane, filtered) in filtered.iter_mut().enumerate() {
+        filtered.iter_mut().for_each(|value| *value *= weights[0]);
+        for (distance, weight) in weights.iter().enumerate().skip(1) {
+            let (above, below) = (&row(HALF - distance)[plane], &row(HALF + distance)[plane]);
+            for i in 0..TILE_INPUT {
+                filtered[i] += weight * (above[i] + below[i]);
+            }
+        }
+    }
+    filtered
+}
+
+/// The Gaussian along a row.
+fn filter_rows(row: &Row) -> [[f64; TILE]; 4] {
+    let weights = *WEIGHTS;
+    row.each_ref().map(|plane| {
+        let mut filtered: [f64; TILE] = std::array::from_fn(|i| weights[0] * plane[i + HALF]);
+        for (distance, weight) in weights.iter().enumerate().skip(1) {
+            let (left, right) = (
+                &plane[HALF - distance..][..TILE],
+                &plane[HALF + distance..][..TILE],
+            );
+            for i in 0..TILE {
+                filtered[i] += weight * (left[i] + right[i]);
+            }
+        }
+        filtered
+    })
+}
+
+fn indices([s, d, ss, dd]: &[[f64; TILE]; 4], [c1, c2]: [f64; 2]) -> [f64; TILE] {
+    std::array::from_fn(|i| {
+        let (mean_s, mean_d) = (s[i] * s[i], d[i] * d[i]);
+        let (var_s, var_d) = (ss[i] - mean_s, dd[i] - mean_d);
+        let above = (mean_s - mean_d + 2.0 * c1) * (var_s - var_d + 2.0 * c2);
+        let below = (mean_s + mean_d + 2.0 * c1) * (var_s + var_d + 2.0 * c2);
+        above / below
+    })
+}

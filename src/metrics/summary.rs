@@ -1,0 +1,127 @@
+//! A sequence's values condensed. Frames that cannot be averaged are counted, never dropped in silence.
+
+use super::{Metric, Value};
+use serde::{Deserialize, Serialize};
+
+/// One metric over the frames of a sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Mean of the finite frames. Where there are none, the infinity that all frames share, or NaN.
+    pub mean: Value,
+    /// Smallest value of all frames but NaN ones.
+    pub min: Value,
+    /// 5th percentile of all frames but NaN ones: linear between order statistics, rank 0.05·(n − 1) counted from 0.
+    pub p5: Value,
+    /// For PSNRs: the PSNR of the mean of the frames' mean squared errors. Equal frames count as error 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pooled: Option<Value>,
+    /// How many frames are infinite.
+    pub infinite: usize,
+    /// How many frames are NaN. Any at all means that the other fields speak of fewer frames than ran.
+    pub nan: usize,
+}
+
+impl Summary {
+    /// Condenses the values of `metric`, one a frame, in any order.
+    pub fn new(metric: Metric, values: impl IntoIterator<Item = Value>) -> Self {
+        let (nan, mut known): (Vec<f64>, Vec<f64>) = values
+            .into_iter()
+            .map(|value| value.0)
+            .partition(|v| v.is_nan());
+        known.sort_by(f64::total_cmp);
+        let finite: Vec<f64> = known
+            .iter()
+            .copied()
+            .filter(|value| value.is_finite())
+            .collect();
+        Self {
+            mean: Value(mean(if finite.is_empty() { &known } else { &finite })),
+            min: Value(known.first().copied().unwrap_or(f64::NAN)),
+            p5: Value(percentile(&known, 0.05)),
+            pooled: pool(metric, &known),
+            infinite: known.len() - finite.len(),
+            nan: nan.len(),
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+    if sorted.is_empty() {
+        return f64::NAN;
+    }
+    let rank = fraction * (sorted.len() - 1) as f64;
+    let below = sorted[rank.floor() as usize];
+    let above = sorted[rank.ceil() as usize];
+    if below == above {
+        return below; // Two infinities too, whose difference is NaN.
+    }
+    below + (above - below) * rank.fract()
+}
+
+/// A PSNR is a function of its frame's mean squared error and can be turned back into it, so pooling needs no other
+/// column than the PSNR's own.
+fn pool(metric: Metric, values: &[f64]) -> Option<Value> {
+    let relative_mse = metric.definition().relative_mse?;
+    let errors: Vec<f64> = values.iter().map(|&value| relative_mse(value)).collect();
+    Some(Value(super::squared_error::psnr_db(mean(&errors), 1.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn summary(metric: Metric, values: &[f64]) -> Summary {
+        Summary::new(metric, values.iter().copied().map(Value))
+    }
+
+    #[test]
+    fn finite_frames() {
+        let summary = summary(Metric::Ssim, &[0.5, 0.2, 0.9, 0.4]);
+        assert!((summary.mean.0 - 0.5).abs() < 1e-15);
+        assert_eq!((summary.min, summary.pooled), (Value(0.2), None));
+        assert!((summary.p5.0 - 0.23).abs() < 1e-15, "{:?}", summary.p5);
+    }
+
+    #[test]
+    fn infinite_and_nan_frames_are_counted() {
+        let summary = summary(
+            Metric::Psnr,
+            &[f64::INFINITY, 20.0, f64::NAN, 40.0, f64::NAN],
+        );
+        assert_eq!((summary.mean, summary.min), (Value(30.0), Value(20.0)));
+        assert_eq!((summary.infinite, summary.nan), (1, 2));
+        // Errors 0, 1e-2 and 1e-4.
+        let expected = -10.0 * libm::log10(0.0101 / 3.0);
+        assert!((summary.pooled.unwrap().0 - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn perfect_sequences_stay_perfect() {
+        let summary = summary(Metric::Psnr, &[f64::INFINITY; 3]);
+        let all = [
+            summary.mean,
+            summary.min,
+            summary.p5,
+            summary.pooled.unwrap(),
+        ];
+        assert_eq!(all, [Value(f64::INFINITY); 4]);
+        assert_eq!(summary.infinite, 3);
+    }
+
+    #[test]
+    fn nothing_known_is_nan_not_zero() {
+        let summary = summary(Metric::Psnr, &[f64::NAN]);
+        for value in [
+            summary.mean,
+            summary.min,
+            summary.p5,
+            summary.pooled.unwrap(),
+        ] {
+            assert!(value.0.is_nan());
+        }
+    }
+}
