@@ -20,7 +20,10 @@ const NO_DRIVER: &str = "no Vulkan adapter found: install a GPU driver, or Mesa'
 /// The adapters that could be opened, in the order of their index.
 pub fn adapters() -> Vec<AdapterInfo> {
     let found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
-    found.iter().map(|adapter| describe(&adapter.get_info())).collect()
+    found
+        .iter()
+        .map(|adapter| describe(&adapter.get_info()))
+        .collect()
 }
 
 impl Gpu {
@@ -58,7 +61,11 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|error| unsupported(error.to_string()))?;
-        Ok(Self { device, queue, info })
+        Ok(Self {
+            device,
+            queue,
+            info,
+        })
     }
 
     /// Name, kind and driver, as reports carry them.
@@ -125,7 +132,10 @@ fn instance() -> wgpu::Instance {
 }
 
 fn find(found: &[wgpu::Adapter], wanted: &str) -> Result<usize, GpuError> {
-    let by_index = wanted.parse::<usize>().ok().filter(|&index| index < found.len());
+    let by_index = wanted
+        .parse::<usize>()
+        .ok()
+        .filter(|&index| index < found.len());
     let by_name = || {
         let wanted = wanted.to_lowercase();
         found
@@ -138,7 +148,10 @@ fn find(found: &[wgpu::Adapter], wanted: &str) -> Result<usize, GpuError> {
             .enumerate()
             .map(|(index, adapter)| format!("{index}: {}", adapter.get_info().name))
             .collect();
-        GpuError::NoAdapter(format!("no adapter matches `{wanted}`; there are {}", names.join(", ")))
+        GpuError::NoAdapter(format!(
+            "no adapter matches `{wanted}`; there are {}",
+            names.join(", ")
+        ))
     })
 }
 

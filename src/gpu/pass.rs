@@ -77,7 +77,12 @@ impl Pass {
     /// Compiles the entry point `main` of `sources` joined together. WGSL's module scope has no order, so the pass comes
     /// first (its errors then carry its own line numbers) and shared files follow. `overrides` are set by name; those
     /// named `WORKGROUP_X` and `WORKGROUP_Y` are set here.
-    pub fn new(gpu: &Gpu, label: &str, sources: &[&str], overrides: &[(&str, f64)]) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        label: &str,
+        sources: &[&str],
+        overrides: &[(&str, f64)],
+    ) -> Result<Self, GpuError> {
         let error = |message: String| GpuError::Pass {
             pass: label.to_owned(),
             message,
@@ -91,7 +96,10 @@ impl Pass {
             constants.push(("WORKGROUP_X", f64::from(workgroup[0])));
             constants.push(("WORKGROUP_Y", f64::from(workgroup[1])));
         }
-        if let Some((name, _)) = constants.iter().find(|(name, _)| !reflected.overrides.contains(*name)) {
+        if let Some((name, _)) = constants
+            .iter()
+            .find(|(name, _)| !reflected.overrides.contains(*name))
+        {
             return Err(error(format!("the shader has no override `{name}`")));
         }
         if let Some(name) = reflected
@@ -103,21 +111,24 @@ impl Pass {
         }
         let pipeline = gpu
             .scope(label, || {
-                let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                    label: Some(label),
-                    source: wgpu::ShaderSource::Wgsl(source.into()),
-                });
-                gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label: Some(label),
-                    layout: None,
-                    module: &module,
-                    entry_point: Some("main"),
-                    compilation_options: wgpu::PipelineCompilationOptions {
-                        constants: &constants,
-                        zero_initialize_workgroup_memory: false,
-                    },
-                    cache: None,
-                })
+                let module = gpu
+                    .device
+                    .create_shader_module(wgpu::ShaderModuleDescriptor {
+                        label: Some(label),
+                        source: wgpu::ShaderSource::Wgsl(source.into()),
+                    });
+                gpu.device
+                    .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                        label: Some(label),
+                        layout: None,
+                        module: &module,
+                        entry_point: Some("main"),
+                        compilation_options: wgpu::PipelineCompilationOptions {
+                            constants: &constants,
+                            zero_initialize_workgroup_memory: false,
+                        },
+                        cache: None,
+                    })
             })
             .map_err(|cause| error(cause.to_string()))?;
         Ok(Self {
@@ -130,7 +141,11 @@ impl Pass {
     }
 
     /// Starts an invocation by binding the first name.
-    pub fn bind<'a>(&'a self, name: &'static str, resource: impl Into<Bound<'a>>) -> Invocation<'a> {
+    pub fn bind<'a>(
+        &'a self,
+        name: &'static str,
+        resource: impl Into<Bound<'a>>,
+    ) -> Invocation<'a> {
         Invocation {
             pass: self,
             bound: Vec::new(),
@@ -198,7 +213,11 @@ impl<'a> Invocation<'a> {
             });
         }
         for (name, binding) in &pass.bindings {
-            match entries.iter().filter(|entry| entry.binding == binding.index).count() {
+            match entries
+                .iter()
+                .filter(|entry| entry.binding == binding.index)
+                .count()
+            {
                 1 => {}
                 0 => return Err(pass.error(format!("`{name}` is not bound"))),
                 _ => return Err(pass.error(format!("`{name}` is bound twice"))),
@@ -265,14 +284,18 @@ impl Pass {
         let Some((size, offsets)) = &self.binding(name)?.uniform else {
             return Err(self.error(format!("`{name}` is not a uniform")));
         };
-        if let Some(missing) = offsets.keys().find(|field| !fields.iter().any(|(set, _)| set == field)) {
+        if let Some(missing) = offsets
+            .keys()
+            .find(|field| !fields.iter().any(|(set, _)| set == field))
+        {
             return Err(self.error(format!("`{name}.{missing}` is not set")));
         }
         let mut bytes = vec![0; *size as usize];
         for (field, value) in fields {
             let offset = *offsets
                 .get(*field)
-                .ok_or_else(|| self.error(format!("`{name}` has no field `{field}`")))? as usize;
+                .ok_or_else(|| self.error(format!("`{name}` has no field `{field}`")))?
+                as usize;
             let value = value.bytes();
             bytes[offset..offset + value.len()].copy_from_slice(value);
         }
@@ -296,7 +319,8 @@ struct Reflection {
 
 impl Reflection {
     fn new(source: &str) -> Result<Self, String> {
-        let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
+        let module =
+            naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
         let info = naga::valid::Validator::new(
             naga::valid::ValidationFlags::all(),
             naga::valid::Capabilities::all(),
@@ -317,7 +341,8 @@ impl Reflection {
             if uses[handle].is_empty() {
                 continue;
             }
-            let uniform = (variable.space == naga::AddressSpace::Uniform).then(|| fields(&module, variable.ty));
+            let uniform = (variable.space == naga::AddressSpace::Uniform)
+                .then(|| fields(&module, variable.ty));
             bindings.insert(
                 name.clone(),
                 Binding {
@@ -329,7 +354,11 @@ impl Reflection {
         let [x, y, _] = module.entry_points[entry].workgroup_size;
         Ok(Self {
             bindings,
-            overrides: module.overrides.iter().filter_map(|(_, item)| item.name.clone()).collect(),
+            overrides: module
+                .overrides
+                .iter()
+                .filter_map(|(_, item)| item.name.clone())
+                .collect(),
             workgroup: [x, y],
         })
     }

@@ -22,7 +22,10 @@ struct Queries {
 impl Timer {
     /// A timer for up to `capacity` passes a submission. Times nothing where the adapter has no timestamps.
     pub fn new(gpu: &Gpu, capacity: u32) -> Self {
-        let has_timestamps = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let has_timestamps = gpu
+            .device
+            .features()
+            .contains(wgpu::Features::TIMESTAMP_QUERY);
         let queries = has_timestamps.then(|| Queries {
             set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("pass times"),
@@ -61,13 +64,22 @@ impl Timer {
     }
 
     /// Copies the timestamps into `readback`, ends this submission's timing, and returns how to read them.
-    pub fn finish(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Times {
+    pub fn finish(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        readback: &mut Readback,
+    ) -> Times {
         let labels = std::mem::take(&mut self.labels);
-        let slot = self.queries.as_ref().filter(|_| !labels.is_empty()).map(|queries| {
-            let n = labels.len() as u32 * 2;
-            encoder.resolve_query_set(&queries.set, 0..n, &queries.resolved, 0);
-            readback.copy_buffer(gpu, encoder, &queries.resolved, u64::from(n) * 8)
-        });
+        let slot = self
+            .queries
+            .as_ref()
+            .filter(|_| !labels.is_empty())
+            .map(|queries| {
+                let n = labels.len() as u32 * 2;
+                encoder.resolve_query_set(&queries.set, 0..n, &queries.resolved, 0);
+                readback.copy_buffer(gpu, encoder, &queries.resolved, u64::from(n) * 8)
+            });
         Times {
             labels,
             slot,

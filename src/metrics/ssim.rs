@@ -160,6 +160,8 @@ impl<'a> Pair<'a> {
         width: usize,
         mut f: impl FnMut(usize, usize, &[f64]),
     ) {
+        let (mut columns, mut windows, mut run): (Row, Windows, _) =
+            ([[0.0; TILE_INPUT]; 4], [[0.0; TILE]; 4], [0.0; TILE]);
         for x in (0..width).step_by(TILE) {
             let n = TILE.min(width - x);
             for y in rows.start..rows.start + WINDOW - 1 {
@@ -167,8 +169,10 @@ impl<'a> Pair<'a> {
             }
             for y in rows.clone() {
                 self.load(x, n, y + WINDOW - 1);
-                let filtered = filter_rows(&filter_columns(&self.ring, y));
-                f(x, y, &indices(&filtered, self.stabilisers)[..n]);
+                filter_columns(&self.ring, y, &mut columns);
+                filter_row(&columns, &mut windows);
+                indices(&windows, self.stabilisers, &mut run);
+                f(x, y, &run[..n]);
             }
         }
     }
@@ -188,47 +192,49 @@ impl<'a> Pair<'a> {
     }
 }
 
+/// A value a window, of the planes in [`Row`].
+type Windows = [[f64; TILE]; 4];
+
 /// The Gaussian over the eleven rows from `first` on.
-fn filter_columns(ring: &[Row; WINDOW], first: usize) -> Row {
-    let weights = *WEIGHTS;
-    let row = |offset: usize| &ring[(first + offset) % WINDOW];
-    let mut filtered = *row(HALF);
+fn filter_columns(ring: &[Row; WINDOW], first: usize, filtered: &mut Row) {
     for (plane, filtered) in filtered.iter_mut().enumerate() {
-        filtered.iter_mut().for_each(|value| *value *= weights[0]);
-        for (distance, weight) in weights.iter().enumerate().skip(1) {
-            let (above, below) = (&row(HALF - distance)[plane], &row(HALF + distance)[plane]);
-            for i in 0..TILE_INPUT {
-                filtered[i] += weight * (above[i] + below[i]);
-            }
-        }
+        gaussian(
+            std::array::from_fn(|i| &ring[(first + i) % WINDOW][plane]),
+            filtered,
+        );
     }
-    filtered
 }
 
 /// The Gaussian along a row.
-fn filter_rows(row: &Row) -> [[f64; TILE]; 4] {
-    let weights = *WEIGHTS;
-    row.each_ref().map(|plane| {
-        let mut filtered: [f64; TILE] = std::array::from_fn(|i| weights[0] * plane[i + HALF]);
-        for (distance, weight) in weights.iter().enumerate().skip(1) {
-            let (left, right) = (
-                &plane[HALF - distance..][..TILE],
-                &plane[HALF + distance..][..TILE],
-            );
-            for i in 0..TILE {
-                filtered[i] += weight * (left[i] + right[i]);
-            }
-        }
-        filtered
-    })
+fn filter_row(row: &Row, filtered: &mut Windows) {
+    for (plane, filtered) in row.iter().zip(filtered) {
+        let tap = |i: usize| {
+            plane[i..]
+                .first_chunk()
+                .expect("a tile and its borders fill the row")
+        };
+        gaussian(std::array::from_fn(tap), filtered);
+    }
 }
 
-fn indices([s, d, ss, dd]: &[[f64; TILE]; 4], [c1, c2]: [f64; 2]) -> [f64; TILE] {
-    std::array::from_fn(|i| {
+/// The weighted sum of eleven arrays. Pairs at equal distance share a weight, and one pass over all of them keeps every
+/// partial sum in a register.
+fn gaussian<const N: usize>(taps: [&[f64; N]; WINDOW], sums: &mut [f64; N]) {
+    let [w0, w1, w2, w3, w4, w5] = *WEIGHTS;
+    let [l5, l4, l3, l2, l1, centre, r1, r2, r3, r4, r5] = taps;
+    for i in 0..N {
+        let near = w0 * centre[i] + w1 * (l1[i] + r1[i]) + w2 * (l2[i] + r2[i]);
+        let far = w3 * (l3[i] + r3[i]) + w4 * (l4[i] + r4[i]) + w5 * (l5[i] + r5[i]);
+        sums[i] = near + far;
+    }
+}
+
+fn indices([s, d, ss, dd]: &Windows, [c1, c2]: [f64; 2], indices: &mut [f64; TILE]) {
+    for i in 0..TILE {
         let (mean_s, mean_d) = (s[i] * s[i], d[i] * d[i]);
         let (var_s, var_d) = (ss[i] - mean_s, dd[i] - mean_d);
         let above = (mean_s - mean_d + 2.0 * c1) * (var_s - var_d + 2.0 * c2);
         let below = (mean_s + mean_d + 2.0 * c1) * (var_s + var_d + 2.0 * c2);
-        above / below
-    })
+        indices[i] = above / below;
+    }
 }
