@@ -31,21 +31,28 @@ fn clip_centre(history: vec3f, bounds: ColorBox, domain: u32) -> vec3f {
     return select(history, centre + offset / u, u > 1.0);
 }
 
+// How far each channel of `c` lies outside the box; 0 within rounding of it. Without the allowance, a channel that is
+// flat but for the last bit would drag all three the whole way, on one adapter and not on the next.
+fn beyond(c: vec3f, bounds: ColorBox) -> vec3f {
+    let excess = c - clamp(c, bounds.lo, bounds.hi);
+    let rounding = 0x1p-20 * max(vec3f(1.0), max(abs(bounds.lo), abs(bounds.hi)));
+    return select(vec3f(0.0), excess, abs(excess) > rounding);
+}
+
 // The point nearest to `history` inside the box on the segment that ends at the current colour, or at the box's mean
 // where the current colour is itself outside (a variance box can exclude it).
 // Salvi, "An Excursion in Temporal Supersampling", GDC 2016.
 fn clip_current(history: vec3f, current: vec3f, bounds: ColorBox) -> vec3f {
-    let current_inside = all(current >= bounds.lo) && all(current <= bounds.hi);
-    let end = select(bounds.mean, current, current_inside);
+    let end = select(bounds.mean, current, all(beyond(current, bounds) == vec3f(0.0)));
     let direction = end - history;
-    // How far each channel must travel. A channel inside needs nothing, and only there can its direction be 0.
-    let excess = history - clamp(history, bounds.lo, bounds.hi);
+    // How far each channel must travel. One that is inside need not, and only there can its direction be 0.
+    let excess = beyond(history, bounds);
     let travel = select(-excess / direction, vec3f(0.0), excess == vec3f(0.0));
     return clamp(history + direction * saturate(max3(travel)), bounds.lo, bounds.hi);
 }
 
 // `history`, `current` and the box share one colour space.
-fn rectify(kind: u32, history: vec3f, current: vec3f, bounds: ColorBox, domain: u32) -> vec3f {
+fn rectified(kind: u32, history: vec3f, current: vec3f, bounds: ColorBox, domain: u32) -> vec3f {
     switch (kind) {
         case RECTIFY_CLAMP: { return clamp(history, bounds.lo, bounds.hi); }
         case RECTIFY_CLIP_CENTRE: { return clip_centre(history, bounds, domain); }

@@ -10,9 +10,14 @@ fn sample_bilinear(image: texture_2d<f32>, position: vec2f) -> vec3f {
     let base = floor(position - 0.5);
     let f = position - 0.5 - base;
     let texel = vec2i(base);
-    let top = mix(fetch(image, texel), fetch(image, texel + vec2i(1, 0)), f.x);
-    let bottom = mix(fetch(image, texel + vec2i(0, 1)), fetch(image, texel + vec2i(1, 1)), f.x);
-    return mix(top, bottom, f.y);
+    let top = lerp(fetch(image, texel), fetch(image, texel + vec2i(1, 0)), f.x);
+    let bottom = lerp(fetch(image, texel + vec2i(0, 1)), fetch(image, texel + vec2i(1, 1)), f.x);
+    return lerp(top, bottom, f.y);
+}
+
+// Between equals exactly their value, which `mix` is not: a box of flat colours must contain that colour.
+fn lerp(a: vec3f, b: vec3f, t: f32) -> vec3f {
+    return a + (b - a) * t;
 }
 
 // Weights of the texels at -1, 0, 1 and 2 along one axis, for the fraction f beyond texel 0.

@@ -52,6 +52,17 @@ impl UniformValue {
     }
 }
 
+macro_rules! from {
+    ($($type:ty => $variant:ident),*) => {
+        $(impl From<$type> for UniformValue {
+            fn from(value: $type) -> Self {
+                Self::$variant(value)
+            }
+        })*
+    };
+}
+from!(u32 => U32, f32 => F32, [f32; 2] => Vec2, [f32; 3] => Vec3);
+
 /// A resource that a name can be bound to.
 #[derive(Clone, Copy, Debug)]
 pub enum Bound<'a> {

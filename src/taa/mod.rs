@@ -1,5 +1,21 @@
 //! Temporal resolve: recipes, presets, the GPU resolver, and under `reference` its plain CPU twin.
+//!
+//! A [`Recipe`] names every block of the pipeline; a [`Preset`] is a published system's recipe. [`Inputs`] holds a
+//! frame on the device, shared by all recipes of a run; a [`Resolver`] holds one recipe's passes and history.
+//! Knows images, frames and the GPU; nothing of metrics, reports or the service.
 
+mod inputs;
+mod preset;
+pub mod recipe;
+pub mod reference;
+mod resolver;
+
+pub use inputs::Inputs;
+pub use preset::{PRESETS, Preset, UnknownPreset};
+pub use recipe::{Recipe, RecipeError};
+pub use resolver::Resolver;
+
+use crate::sequence::Channels;
 use serde::{Deserialize, Serialize};
 
 /// How history is stored between frames.
@@ -11,4 +27,34 @@ pub enum Precision {
     F16,
     /// 32-bit float.
     F32,
+}
+
+/// Which colour a recipe resolves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// The frame's colour.
+    Color,
+    /// The un-jittered colour where the sequence has one, else the frame's colour.
+    UnjitteredIfPresent,
+}
+
+impl Recipe {
+    /// The images a frame must have for this recipe.
+    pub fn required_channels(&self) -> Channels {
+        let reprojects = self.history_filter != recipe::HistoryFilter::None;
+        Channels {
+            motion: reprojects || self.motion_blur,
+            depth: (reprojects || self.motion_blur) && self.dilation == recipe::Dilation::Closest,
+            ..Channels::default()
+        }
+    }
+
+    /// The images it makes use of where a sequence has them.
+    pub fn optional_channels(&self) -> Channels {
+        Channels {
+            unjittered_color: self.source == Source::UnjitteredIfPresent,
+            ..Channels::default()
+        }
+    }
 }

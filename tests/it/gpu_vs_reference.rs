@@ -1,1 +1,209 @@
-//! gpu_vs_reference
+//! The GPU against the f64 twin: every preset, every block, odd sizes, a reset and hostile input on the way.
+//!
+//! A discontinuous decision (a tie, a box's edge) may fall differently and stays in history, so pixels beyond the bound
+//! are counted, and must stay under 0.05 % of all.
+
+use crate::support::{frame, gpu, noise, resolve_on_gpu};
+use afterimage::{
+    image::{Extent, Image},
+    sequence::Frame,
+    taa::{PRESETS, Precision, Preset, Recipe, reference::Twin},
+};
+
+const N_FRAMES: usize = 64;
+const SIZES: [Extent; 4] = [
+    Extent::new(61, 37),
+    Extent::new(1, 1),
+    Extent::new(3, 5),
+    Extent::new(17, 1),
+];
+
+/// How far the GPU is from the twin, in display units (linear through x/(1+x), the range of a display).
+#[derive(Debug, Default)]
+struct Difference {
+    mean: f64,
+    beyond: f64,
+    max: f64,
+}
+
+const MAX_DIFFERENCE: f64 = 2e-3;
+const MEAN_DIFFERENCE: f64 = 2e-5;
+const BEYOND: f64 = 5e-4;
+
+impl Difference {
+    fn agrees(&self) -> bool {
+        self.mean <= MEAN_DIFFERENCE && self.beyond <= BEYOND
+    }
+}
+
+/// Compares all frames of GPU and twin. Pixels beyond the bound count in `beyond` and not in the mean.
+fn difference(recipe: &Recipe, precision: Precision, extent: Extent, n_frames: usize) -> Difference {
+    let mut twin = Twin::<f64>::new(recipe.clone(), precision);
+    let (mut sum, mut n, mut n_beyond, mut max) = (0.0, 0, 0, 0.0_f64);
+    let frames = || (0..n_frames).map(|index| frame(extent, index));
+    for (frame, (shown, n_repaired)) in frames().zip(resolve_on_gpu(recipe, precision, frames())) {
+        let expected = twin.resolve(&frame);
+        assert_eq!(n_repaired, expected.repaired_texels, "repaired texels of frame {}", frame.index);
+        for (a, b) in shown.pixels().iter().zip(expected.shown.pixels()) {
+            let display = |x: f64| x / (1.0 + x);
+            let worst = (0..3)
+                .map(|i| (display(f64::from(a[i])) - display(b[i])).abs())
+                .fold(0.0, |worst, d| if d.is_nan() { f64::INFINITY } else { f64::max(worst, d) });
+            n += 1;
+            max = max.max(worst);
+            if worst > MAX_DIFFERENCE {
+                n_beyond += 1;
+            } else {
+                sum += worst;
+            }
+        }
+    }
+    Difference {
+        mean: sum / f64::from(n),
+        beyond: f64::from(n_beyond) / f64::from(n),
+        max,
+    }
+}
+
+#[test]
+fn every_preset_agrees_at_every_size() {
+    for preset in &PRESETS {
+        for extent in SIZES {
+            let found = difference(&preset.recipe, Precision::F32, extent, N_FRAMES);
+            println!("{} {extent}: {found:?}", preset.id);
+            assert!(found.agrees(), "{} {extent}: {found:?}", preset.id);
+        }
+    }
+}
+
+/// A rounded history makes more decisions fall differently: within the f16 step that the two may round apart.
+#[test]
+fn every_preset_agrees_with_f16_history() {
+    for preset in &PRESETS {
+        let found = difference(&preset.recipe, Precision::F16, SIZES[0], N_FRAMES);
+        println!("{}: {found:?}", preset.id);
+        assert!(found.beyond <= BEYOND, "{}: {found:?}", preset.id);
+    }
+}
+
+#[test]
+fn every_block_agrees() {
+    let blocks = [
+        r#"{"dilation": "longest", "history_filter": "texel"}"#,
+        r#"{"history_filter": "catmull_rom", "deringing": true}"#,
+        r#"{"history_filter": "catmull_rom5", "deringing": true, "input_filter": "unjitter"}"#,
+        r#"{"neighbourhood": "cross", "rectify": "clamp"}"#,
+        r#"{"neighbourhood": "box3", "rectify": "clip_centre", "space": "ycocg", "domain": "tonemapped"}"#,
+        r#"{"neighbourhood": "rounded", "rectify": "clip_current", "unjitter_neighbourhood": true}"#,
+        r#"{"neighbourhood": "variance", "variance_window": 5, "variance_gamma": 1.25, "rectify": "clip_centre"}"#,
+        r#"{"neighbourhood": "variance", "intersect_minmax": false, "rectify": "clip_current", "space": "ycocg"}"#,
+        r#"{"neighbourhood": "box3", "rectify": "none", "weight": "antiflicker"}"#,
+        r#"{"motion_weight": true, "hdr_weight": "karis", "motion_blur": true, "weight": "luma_feedback"}"#,
+    ];
+    for block in blocks {
+        let overrides = serde_json::from_str(block).unwrap();
+        let recipe = Preset::find("ema").unwrap().recipe.with(&overrides).unwrap();
+        let found = difference(&recipe, Precision::F32, SIZES[0], 24);
+        println!("{block}: {found:?}");
+        assert!(found.agrees(), "{block}: {found:?}");
+    }
+}
+
+/// The comparison can fail: a twin with one parameter slightly off must be told apart.
+#[test]
+fn a_slightly_wrong_twin_disagrees() {
+    let recipe = Preset::find("ema").unwrap().recipe.clone();
+    let frames = || (0..8).map(|index| frame(SIZES[0], index));
+    let mut off = recipe.clone();
+    off.current_weight = 0.101;
+    let mut twin = Twin::<f64>::new(off, Precision::F32);
+    let shown = resolve_on_gpu(&recipe, Precision::F32, frames());
+    let mean = frames()
+        .zip(&shown)
+        .flat_map(|(frame, (shown, _))| {
+            let expected = twin.resolve(&frame).shown;
+            let pairs: Vec<_> = shown.pixels().iter().copied().zip(expected.pixels().to_vec()).collect();
+            pairs
+        })
+        .map(|(a, b)| (f64::from(a[0]) / (1.0 + f64::from(a[0])) - b[0] / (1.0 + b[0])).abs())
+        .sum::<f64>()
+        / (8 * SIZES[0].n_pixels()) as f64;
+    assert!(mean > MEAN_DIFFERENCE, "{mean}");
+}
+
+fn still(extent: Extent, index: usize, color: impl Fn(u32, u32) -> [f32; 3] + Sync) -> Frame {
+    Frame {
+        reset: false,
+        jitter_px: [0.0; 2],
+        color: Image::from_fn(extent, color),
+        depth: Some(Image::filled(extent, 1.0)),
+        motion_px: Some(Image::filled(extent, [0.0; 2])),
+        ..frame(extent, index)
+    }
+}
+
+#[test]
+fn a_constant_image_is_a_fixed_point_of_every_preset() {
+    let extent = Extent::new(9, 7);
+    for preset in &PRESETS {
+        for precision in [Precision::F16, Precision::F32] {
+            let frames = (0..40).map(|index| still(extent, index, |_, _| [0.25, 0.5, 2.0]));
+            let (shown, _) = resolve_on_gpu(&preset.recipe, precision, frames).pop().unwrap();
+            let worst = shown.pixels().iter().fold(0.0_f32, |worst, c| {
+                worst.max((c[0] - 0.25).abs()).max((c[1] - 0.5).abs()).max((c[2] - 2.0).abs() / 4.0)
+            });
+            assert!(worst <= 2e-3, "{} {precision:?}: off by {worst}", preset.id);
+        }
+    }
+}
+
+/// White noise through `mix(h, c, w)` settles at variance w / (2 - w).
+#[test]
+fn static_noise_settles_at_the_variance_that_theory_gives() {
+    let extent = Extent::new(64, 64);
+    let frames = (0..80).map(|index| still(extent, index, |x, y| [noise(x, y, index as u32 + 100); 3]));
+    let recipe = Preset::find("ema").unwrap().recipe.clone();
+    let (shown, _) = resolve_on_gpu(&recipe, Precision::F32, frames).pop().unwrap();
+    let n = extent.n_pixels() as f64;
+    let mean = shown.pixels().iter().map(|c| f64::from(c[0])).sum::<f64>() / n;
+    let variance = shown.pixels().iter().map(|c| (f64::from(c[0]) - mean).powi(2)).sum::<f64>() / n;
+    let ratio = variance / (1.0 / 12.0) / (0.1 / 1.9);
+    assert!((0.9..1.1).contains(&ratio), "variance is {ratio} of theory's");
+}
+
+#[test]
+fn a_reset_shows_the_current_frame() {
+    let extent = Extent::new(16, 16);
+    let recipe = Preset::find("ema").unwrap().recipe.clone();
+    let frames = (0..3).map(|index| Frame {
+        reset: index == 2,
+        ..still(extent, index, |x, y| [noise(x, y, index as u32); 3])
+    });
+    let shown = resolve_on_gpu(&recipe, Precision::F16, frames);
+    assert_eq!(shown[2].0.at(3, 4), [noise(3, 4, 2); 3]);
+    assert_ne!(shown[1].0.at(3, 4), [noise(3, 4, 1); 3]);
+}
+
+/// One bad texel may spoil only what reads it, and nothing one frame later.
+#[test]
+fn a_hostile_texel_does_not_spread() {
+    let extent = Extent::new(16, 16);
+    for preset in &PRESETS {
+        let frames = (0..4).map(|index| {
+            still(extent, index, |x, y| {
+                if (x, y, index) == (8, 8, 1) { [f32::NAN; 3] } else { [0.5; 3] }
+            })
+        });
+        let shown = resolve_on_gpu(&preset.recipe, Precision::F16, frames);
+        assert_eq!(shown[1].1, 1, "one texel was repaired");
+        assert!(shown.iter().all(|(image, _)| image.pixels().iter().flatten().all(|v| v.is_finite())));
+        let far = shown[3].0.at(2, 2);
+        assert!((far[0] - 0.5).abs() < 1e-3, "{}: {far:?}", preset.id);
+    }
+}
+
+#[test]
+fn the_adapter_has_a_name_and_a_driver() {
+    let info = gpu().info();
+    assert!(!info.name.is_empty() && !info.driver.is_empty(), "{info:?}");
+}

@@ -11,5 +11,6 @@ mod properties;
 mod sequence;
 mod shaders;
 mod store;
+mod support;
 mod tidy;
 mod web;

@@ -16,7 +16,7 @@ override unjitter_neighbourhood: bool;
 override variance_window: u32;
 override variance_gamma: f32;
 override intersect_minmax: bool;
-override rectification: u32;
+override rectify: u32;
 override weight: u32;
 override current_weight: f32;
 override luma_feedback_lo: f32;
@@ -229,7 +229,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             var bounds = ColorBox();
             if (neighbourhood != NEIGHBOURHOOD_NONE) {
                 bounds = color_box(p);
-                h = from_space(rectify(rectification, to_space(unrectified), to_space(current), bounds, domain));
+                h = from_space(rectified(rectify, to_space(unrectified), to_space(current), bounds, domain));
             }
             let a = blend_weight(current, h, to_space(unrectified), bounds, sqrt(m.length2));
             resolved = blend(h, current, a);

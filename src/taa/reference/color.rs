@@ -1,0 +1,168 @@
+//! Colours, colour spaces, the working domain and the repair of hostile texels: the twin of `shaders/common/color.wgsl`.
+
+use super::real::Real;
+use crate::{
+    image::Image,
+    sequence::frame::Rgb,
+    taa::recipe::{Domain, Space},
+};
+use std::ops::{Add, Mul, Sub};
+
+/// Three channels of some colour space.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Color<R>(pub [R; 3]);
+
+/// The largest finite f16: nothing larger is ever stored.
+pub const F16_MAX: f64 = 65504.0;
+
+/// Where the tone map's inverse still is finite: `1 - 2⁻¹¹`.
+const TONEMAPPED_MAX: f64 = 1.0 - 1.0 / 2048.0;
+
+impl<R: Real> Color<R> {
+    /// The same value in every channel.
+    pub fn splat(value: f64) -> Self {
+        Self([R::new(value); 3])
+    }
+
+    /// Applies `f` to each channel.
+    pub fn map(self, f: impl Fn(R) -> R) -> Self {
+        Self(self.0.map(f))
+    }
+
+    /// Combines channel by channel.
+    pub fn zip(self, other: Self, f: impl Fn(R, R) -> R) -> Self {
+        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    /// Channel by channel.
+    pub fn min(self, other: Self) -> Self {
+        self.zip(other, R::min)
+    }
+
+    /// Channel by channel.
+    pub fn max(self, other: Self) -> Self {
+        self.zip(other, R::max)
+    }
+
+    /// Channel by channel.
+    pub fn clamp(self, lo: Self, hi: Self) -> Self {
+        self.max(lo).min(hi)
+    }
+
+    /// The largest channel.
+    pub fn max3(self) -> R {
+        self.0[0].max(self.0[1]).max(self.0[2])
+    }
+
+    /// Rec. 709 luma, of RGB.
+    pub fn luma(self) -> R {
+        let [r, g, b] = self.0;
+        R::new(0.2126) * r + R::new(0.7152) * g + R::new(0.0722) * b
+    }
+
+    /// From RGB to `space`.
+    pub fn to_space(self, space: Space) -> Self {
+        let [r, g, b] = self.0;
+        let (half, quarter) = (R::new(0.5), R::new(0.25));
+        match space {
+            Space::Rgb => self,
+            Space::Ycocg => Self([
+                quarter * r + half * g + quarter * b,
+                half * r - half * b,
+                -quarter * r + half * g - quarter * b,
+            ]),
+        }
+    }
+
+    /// From `space` back to RGB, which is not negative.
+    pub fn from_space(self, space: Space) -> Self {
+        let [y, co, cg] = self.0;
+        match space {
+            Space::Rgb => self,
+            Space::Ycocg => Self([y + co - cg, y + cg, y - co - cg]).max(Self::splat(0.0)),
+        }
+    }
+
+    /// Luma in `space`: its first channel where that is one.
+    pub fn luma_in(self, space: Space) -> R {
+        match space {
+            Space::Rgb => self.luma(),
+            Space::Ycocg => self.0[0],
+        }
+    }
+
+    /// From linear to the domain that history lives in.
+    pub fn to_domain(self, domain: Domain) -> Self {
+        match domain {
+            Domain::Linear => self,
+            Domain::Tonemapped => self * (R::new(1.0) / (R::new(1.0) + self.max3())),
+        }
+    }
+
+    /// Back to linear.
+    pub fn from_domain(self, domain: Domain) -> Self {
+        match domain {
+            Domain::Linear => self,
+            Domain::Tonemapped => {
+                let max = self.max3().min(R::new(TONEMAPPED_MAX));
+                self * (R::new(1.0) / (R::new(1.0) - max))
+            }
+        }
+    }
+
+    /// `a (1 - t) + b t`.
+    pub fn mix(a: Self, b: Self, t: R) -> Self {
+        a * (R::new(1.0) - t) + b * t
+    }
+}
+
+impl<R: Real> Add for Color<R> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl<R: Real> Sub for Color<R> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl<R: Real> Mul<R> for Color<R> {
+    type Output = Self;
+    fn mul(self, factor: R) -> Self {
+        self.map(|channel| channel * factor)
+    }
+}
+
+/// NaN, infinite, negative or above [`F16_MAX`]. `-0` is none of them.
+fn is_hostile(x: f32) -> bool {
+    !(x >= 0.0 && f64::from(x) <= F16_MAX)
+}
+
+/// NaN, negatives and -∞ become 0; +∞ and what is above [`F16_MAX`] become that.
+fn repair(x: f32) -> f32 {
+    if !is_hostile(x) {
+        x
+    } else if x > 0.0 {
+        F16_MAX as f32
+    } else {
+        0.0
+    }
+}
+
+/// Repairs a frame's colour and maps it into `domain`; also the number of texels that needed repair.
+pub fn prepare<R: Real>(color: &Image<Rgb>, domain: Domain) -> (Image<Color<R>>, u64) {
+    let n_repaired = color
+        .pixels()
+        .iter()
+        .filter(|rgb| rgb.iter().any(|&channel| is_hostile(channel)))
+        .count();
+    let prepared = color.map(|rgb| {
+        Color(rgb.map(|channel| R::new(f64::from(repair(channel))))).to_domain(domain)
+    });
+    (prepared, n_repaired as u64)
+}
+

@@ -1,0 +1,135 @@
+//! Filters: the twin of `shaders/common/sampling.wgsl`. Positions are in pixels, texel centres at +0.5; a fetch outside
+//! the image takes the nearest edge texel.
+
+use super::{color::Color, real::Real};
+use crate::{image::Image, taa::recipe::HistoryFilter};
+
+/// A position in pixels.
+pub type Position<R> = [R; 2];
+
+/// The texel at or below a position's texel-centre grid, and the fractions beyond it.
+fn split<R: Real>(position: Position<R>) -> ([i64; 2], [R; 2]) {
+    let base = position.map(|s| (s - R::new(0.5)).floor());
+    let fraction = std::array::from_fn(|axis| position[axis] - R::new(0.5) - base[axis]);
+    (base.map(|s| s.to_f64() as i64), fraction)
+}
+
+/// 2×2 bilinear.
+pub fn bilinear<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Color<R> {
+    let ([x, y], [fx, fy]) = split(position);
+    // Between equals exactly their value: a box of flat colours must contain that colour.
+    let lerp = |a: Color<R>, b: Color<R>, t| a + (b - a) * t;
+    let top = lerp(image.clamped(x, y), image.clamped(x + 1, y), fx);
+    let bottom = lerp(image.clamped(x, y + 1), image.clamped(x + 1, y + 1), fx);
+    lerp(top, bottom, fy)
+}
+
+/// Catmull-Rom weights of the texels at -1, 0, 1 and 2 for the fraction `f`.
+fn catmull_rom_weights<R: Real>(f: R) -> [R; 4] {
+    let c = |value: f64| R::new(value);
+    [
+        f * (c(-0.5) + f * (c(1.0) - c(0.5) * f)),
+        c(1.0) + f * f * (c(-2.5) + c(1.5) * f),
+        f * (c(0.5) + f * (c(2.0) - c(1.5) * f)),
+        f * f * (c(-0.5) + c(0.5) * f),
+    ]
+}
+
+/// The separable 4×4 spline.
+fn catmull_rom<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Color<R> {
+    let ([x, y], [fx, fy]) = split(position);
+    let (wx, wy) = (catmull_rom_weights(fx), catmull_rom_weights(fy));
+    let mut sum = Color::default();
+    for (j, wy) in (-1..).zip(wy) {
+        for (i, wx) in (-1..).zip(wx) {
+            sum = sum + image.clamped(x + i, y + j) * (wx * wy);
+        }
+    }
+    sum
+}
+
+/// The spline without its corners: five bilinear taps, weights divided by their sum.
+fn catmull_rom_5<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Color<R> {
+    let half = R::new(0.5);
+    let b: [R; 2] = position.map(|s| (s - half).floor() + half);
+    let f: [R; 2] = std::array::from_fn(|axis| position[axis] - b[axis]);
+    let [[wx0, wx1, wx2, wx3], [wy0, wy1, wy2, wy3]] = f.map(catmull_rom_weights);
+    let (wx12, wy12) = (wx1 + wx2, wy1 + wy2);
+    let (x12, y12) = (b[0] + wx2 / wx12, b[1] + wy2 / wy12);
+    let (one, two) = (R::new(1.0), R::new(2.0));
+    let taps = [
+        ([x12, b[1] - one], wx12 * wy0),
+        ([b[0] - one, y12], wx0 * wy12),
+        ([x12, y12], wx12 * wy12),
+        ([b[0] + two, y12], wx3 * wy12),
+        ([x12, b[1] + two], wx12 * wy3),
+    ];
+    let mut sum = Color::default();
+    let mut weights = R::new(0.0);
+    for (at, weight) in taps {
+        sum = sum + bilinear(image, at) * weight;
+        weights = weights + weight;
+    }
+    sum * (R::new(1.0) / weights)
+}
+
+/// History at `q`, never negative, and within the 4 texels around `q` where `deringing` is on.
+pub fn history<R: Real>(
+    image: &Image<Color<R>>,
+    q: Position<R>,
+    filter: HistoryFilter,
+    deringing: bool,
+) -> Color<R> {
+    let filtered = match filter {
+        HistoryFilter::None | HistoryFilter::Texel => {
+            let [x, y] = q.map(|s| s.floor().to_f64() as i64);
+            return image.clamped(x, y);
+        }
+        HistoryFilter::Bilinear => return bilinear(image, q),
+        HistoryFilter::CatmullRom => catmull_rom(image, q),
+        HistoryFilter::CatmullRom5 => catmull_rom_5(image, q),
+    };
+    let filtered = filtered.max(Color::splat(0.0));
+    if !deringing {
+        return filtered;
+    }
+    let ([x, y], _) = split(q);
+    let around = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| image.clamped(x + i, y + j));
+    let lo = around.into_iter().fold(around[0], Color::min);
+    let hi = around.into_iter().fold(around[0], Color::max);
+    filtered.clamp(lo, hi)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Extent;
+
+    /// A plane `ax + by + c`, away from the edges of a 9×9 image.
+    fn plane(a: f64, b: f64) -> Image<Color<f64>> {
+        Image::from_fn(Extent::new(9, 9), |x, y| Color::splat(2.0 + a * f64::from(x) + b * f64::from(y)))
+    }
+
+    #[test]
+    fn filters_reproduce_what_they_promise() {
+        let q = [4.3, 4.9];
+        let value = |a, b| 2.0 + a * (q[0] - 0.5) + b * (q[1] - 0.5);
+        for filter in [HistoryFilter::Bilinear, HistoryFilter::CatmullRom] {
+            let found = history(&plane(0.25, 0.5), q, filter, false).0[0];
+            assert!((found - value(0.25, 0.5)).abs() < 1e-12, "{filter:?}: {found}");
+        }
+        // Five taps drop the corners: axis-aligned ramps survive, oblique ones do not.
+        let five = |a, b| history(&plane(a, b), q, HistoryFilter::CatmullRom5, false).0[0];
+        assert!((five(0.0, 0.0) - 2.0).abs() < 1e-12);
+        assert!((five(0.25, 0.5) - value(0.25, 0.5)).abs() > 1e-3);
+    }
+
+    #[test]
+    fn negative_lobes_are_cut_and_deringing_bounds_the_rest() {
+        let edge = Image::from_fn(Extent::new(9, 9), |x, _| Color::splat(f64::from(u8::from(x > 4))));
+        let at = |x, deringing| history(&edge, [x, 4.5], HistoryFilter::CatmullRom, deringing).0[0];
+        assert_eq!(at(4.2, false), 0.0, "undershoot before the edge");
+        assert!(at(5.8, false) > 1.0, "overshoot behind it");
+        assert_eq!(at(5.8, true), 1.0);
+    }
+}

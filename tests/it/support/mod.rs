@@ -1,0 +1,118 @@
+//! What several subjects share: one GPU a process, made-up frames, and a resolver run to images.
+
+use afterimage::{
+    gpu::{Gpu, ReadbackPool, Timer},
+    image::{Extent, Image},
+    sequence::{Frame, frame::Rgb},
+    taa::{Inputs, Precision, Recipe, Resolver},
+};
+use std::{
+    collections::BTreeSet,
+    sync::{Arc, OnceLock},
+};
+
+/// The adapter every test shares (lavapipe keeps what a closed device held). None at all is a failure.
+pub fn gpu() -> &'static Arc<Gpu> {
+    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    GPU.get_or_init(|| Gpu::open(None).expect("an adapter; on a bare machine install Mesa's lavapipe"))
+}
+
+/// A small generator of repeatable noise in 0..1.
+pub fn noise(x: u32, y: u32, seed: u32) -> f32 {
+    let mut h = x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ seed.wrapping_mul(0xc2b2_ae35);
+    h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
+    h = (h ^ (h >> 12)).wrapping_mul(0x297a_2d39);
+    ((h ^ (h >> 15)) >> 8) as f32 / 16_777_216.0
+}
+
+/// Frame `index` of a scene that has everything a resolve must cope with: texture, a bright lamp, an object that moves
+/// in front, fractional and fast motion, motion that leaves the image, a reset at frame 20, and hostile texels, vectors
+/// and depths in every fifth frame.
+pub fn frame(extent: Extent, index: usize) -> Frame {
+    let t = index as f32;
+    let halton = |base: u32| {
+        let (mut i, mut f, mut r) = (index as u32 % 16 + 1, 1.0, 0.0);
+        while i > 0 {
+            f /= f64::from(base);
+            r += f * f64::from(i % base);
+            i /= base;
+        }
+        r - 0.5
+    };
+    let on_box = move |x: u32, y: u32| {
+        let cx = 3.0 + 0.7 * t % extent.width as f32;
+        (x as f32 - cx).abs() < 4.0 && y % 16 < 9
+    };
+    let hostile = move |x: u32, y: u32| index % 5 == 4 && noise(x, y, 77) < 0.01;
+    let color = Image::from_fn(extent, |x, y| {
+        if hostile(x, y) {
+            return [f32::NAN, f32::INFINITY, -1.0];
+        }
+        if on_box(x, y) {
+            return [0.8, 0.1 + 0.2 * noise(x, y, index as u32), 0.05];
+        }
+        let lamp = if (x / 8 + y / 8) % 7 == 3 { 40.0 } else { 1.0 };
+        let stripes = 0.5 + 0.5 * ((x as f32 + 0.37 * t) * 1.9 + y as f32 * 0.8).sin();
+        [lamp * stripes, 0.3 * noise(x, y, 1) + 0.1, 0.2 + 0.1 * noise(x, y, index as u32 + 9)]
+    });
+    let depth = Image::from_fn(extent, |x, y| match (hostile(x, y), on_box(x, y)) {
+        (true, _) => f32::NAN,
+        (_, true) => 2.0,
+        _ if y % 13 == 0 => 1e10,
+        _ => 5.0 + 0.1 * noise(x, y, 3),
+    });
+    let motion = Image::from_fn(extent, |x, y| match (hostile(x, y), on_box(x, y)) {
+        (true, _) => [f32::INFINITY, f32::NAN],
+        (_, true) => [-0.7, 0.0],
+        _ if x % 17 == 5 => [18.25, -3.5],
+        _ => [0.37, 0.11 * noise(x, y, 4)],
+    });
+    Frame {
+        index,
+        reset: index == 20,
+        jitter_px: [halton(2), halton(3)],
+        far: 100.0,
+        color,
+        depth: Some(depth),
+        motion_px: Some(motion),
+        object_id: None,
+        albedo: None,
+        reactive: None,
+        unjittered_color: None,
+        reference: None,
+    }
+}
+
+/// Resolves `frames` on the GPU; the shown image and the number of repaired texels of each.
+pub fn resolve_on_gpu(
+    recipe: &Recipe,
+    precision: Precision,
+    frames: impl Iterator<Item = Frame>,
+) -> Vec<(Image<Rgb>, u64)> {
+    let gpu = gpu();
+    let pool = ReadbackPool::default();
+    let mut frames = frames.peekable();
+    let extent = frames.peek().expect("a frame").extent();
+    let wanted = BTreeSet::from([(recipe.source, recipe.domain)]);
+    let mut inputs = Inputs::new(gpu, extent, recipe.required_channels(), &wanted).unwrap();
+    let mut resolver = Resolver::new(gpu, recipe.clone(), precision, extent).unwrap();
+    let mut timer = Timer::new(gpu, 2);
+    frames
+        .map(|frame| {
+            inputs.upload(gpu, &frame).unwrap();
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            inputs.prepare(gpu, &mut encoder, &mut timer, 1).unwrap();
+            resolver.resolve(gpu, &mut encoder, &inputs, &mut timer, "resolve", 1).unwrap();
+            let mut readback = pool.begin();
+            let shown = readback.copy_texture(gpu, &mut encoder, resolver.shown());
+            let count = inputs.repaired_texels(recipe.source, recipe.domain);
+            let count = readback.copy_buffer(gpu, &mut encoder, count, 4);
+            timer.finish(gpu, &mut encoder, &mut readback);
+            let submission = gpu.queue.submit([encoder.finish()]);
+            readback.map();
+            gpu.wait(submission).unwrap();
+            let n_repaired = readback.bytes(count).unwrap()[..4].try_into().map(u32::from_le_bytes);
+            (readback.rgb(shown, extent).unwrap(), u64::from(n_repaired.unwrap()))
+        })
+        .collect()
+}
