@@ -1,0 +1,267 @@
+//! One frame from files to canonical form: which files to read, each once, and which conversion each image takes.
+
+use super::{
+    Channels, Frame, ImageProblem, Manifest, Section, Sequence, SequenceError,
+    convention::{ColorDecoder, DepthDecoder, MotionDecoder, Projector, jitter_px},
+    frame::Rgb,
+    manifest::{ColorSource, DepthSource, FarPlane, FrameEntry, ImageSource},
+};
+use crate::image::{
+    Extent, Image,
+    files::{Plane, Planes},
+};
+use glam::DVec2;
+use std::{borrow::Cow, collections::BTreeMap};
+
+/// Every frame's sample offset.
+pub(super) fn jitters_px(manifest: &Manifest) -> Vec<[f64; 2]> {
+    manifest
+        .frames
+        .iter()
+        .map(|entry| {
+            let in_px = |convention| jitter_px(convention, entry.jitter, manifest.render_size);
+            manifest.jitter.map_or([0.0; 2], in_px)
+        })
+        .collect()
+}
+
+/// Every frame's camera; none at all unless each frame has a usable one, which the manifest's check ensures where a
+/// convention needs it.
+pub(super) fn projectors(manifest: &Manifest) -> Vec<Projector> {
+    let projector = |entry: &FrameEntry| Projector::new(entry.camera.as_ref()?, manifest.render_size);
+    manifest
+        .frames
+        .iter()
+        .map(projector)
+        .collect::<Option<_>>()
+        .unwrap_or_default()
+}
+
+/// The decoded files of one frame, by relative path, with the names of their planes.
+struct Decoded(BTreeMap<String, (Vec<String>, Planes)>);
+
+impl Decoded {
+    fn plane(&self, entry: &FrameEntry, image: &ImageSource, channel: usize) -> &Plane {
+        let (names, planes) = &self.0[&Sequence::relative_path(entry, image)];
+        let position = names.iter().position(|name| *name == image.channels[channel]);
+        &planes.planes[position.expect("every wanted channel was read")]
+    }
+
+    fn floats(&self, entry: &FrameEntry, image: &ImageSource, channel: usize) -> Cow<'_, [f32]> {
+        match self.plane(entry, image, channel) {
+            Plane::F32(values) => Cow::Borrowed(values),
+            Plane::U32(values) => Cow::Owned(values.iter().map(|&value| value as f32).collect()),
+        }
+    }
+}
+
+impl Sequence {
+    /// Loads one frame: colour, and of `channels` what the manifest declares. Reads each file once and decodes no
+    /// other channels; may be called from several threads.
+    pub fn load(&self, index: usize, channels: Channels) -> Result<Frame, SequenceError> {
+        let entry = self.entry(index)?;
+        let derives_motion = self.manifest.motion.as_ref().is_some_and(|motion| motion.invalid_value.is_some());
+        let reads = Channels {
+            depth: channels.depth || (channels.motion && derives_motion),
+            ..channels
+        };
+        let mut images = self.manifest.images();
+        images.retain(|image| wants(reads, image.section));
+        let frame = FrameFiles {
+            sequence: self,
+            entry,
+            decoded: self.read(entry, &images)?,
+            images,
+        };
+        Ok(frame.convert(channels))
+    }
+
+    fn read(&self, entry: &FrameEntry, images: &[ImageSource]) -> Result<Decoded, SequenceError> {
+        let mut files: BTreeMap<String, Vec<&ImageSource>> = BTreeMap::new();
+        for image in images {
+            files.entry(Self::relative_path(entry, image)).or_default().push(image);
+        }
+        let mut decoded = BTreeMap::new();
+        for (path, images) in files {
+            let mut names: Vec<String> = images.iter().flat_map(|image| image.channels).cloned().collect();
+            names.sort();
+            names.dedup();
+            let failed = |section, problem| SequenceError::Image {
+                frame: entry.index,
+                section,
+                problem,
+            };
+            let planes = self
+                .resolve(&path)
+                .and_then(|file| Ok(self.reader.read(&file, &names)?))
+                .map_err(|problem| failed(images[0].section, problem))?;
+            for image in images {
+                self.check_size(image.section, &path, planes.extent)
+                    .map_err(|problem| failed(image.section, problem))?;
+            }
+            decoded.insert(path, (names, planes));
+        }
+        Ok(Decoded(decoded))
+    }
+
+    /// Whether an image has the size that the manifest declares for its section.
+    pub(super) fn check_size(&self, section: Section, path: &str, actual: Extent) -> Result<(), ImageProblem> {
+        let (field, expected) = match section {
+            Section::Reference => ("output_size", self.output_size()),
+            _ => ("render_size", self.render_size()),
+        };
+        if actual == expected {
+            return Ok(());
+        }
+        Err(ImageProblem::Size {
+            path: path.to_owned(),
+            actual,
+            field,
+            expected,
+        })
+    }
+}
+
+fn wants(channels: Channels, section: Section) -> bool {
+    match section {
+        Section::Color => true,
+        Section::Depth => channels.depth,
+        Section::Motion => channels.motion,
+        Section::Albedo => channels.albedo,
+        Section::ObjectId => channels.object_id,
+        Section::Reactive => channels.reactive,
+        Section::UnjitteredColor => channels.unjittered_color,
+        Section::Reference => channels.reference,
+    }
+}
+
+/// A frame's decoded files on their way to canonical form.
+struct FrameFiles<'a> {
+    sequence: &'a Sequence,
+    entry: &'a FrameEntry,
+    images: Vec<ImageSource<'a>>,
+    decoded: Decoded,
+}
+
+impl FrameFiles<'_> {
+    fn convert(&self, channels: Channels) -> Frame {
+        let manifest = &self.sequence.manifest;
+        let index = self.entry.index;
+        let depth = self.depth();
+        let reference = manifest.reference.as_ref().map(|reference| reference.color());
+        Frame {
+            index,
+            reset: self.entry.reset || index == 0,
+            jitter_px: self.sequence.jitter_px[index],
+            far: far_distance(self.entry, manifest.depth.as_ref()),
+            color: self
+                .color(Section::Color, Some(&manifest.color))
+                .expect("colour is always read"),
+            motion_px: self.motion(depth.as_ref()),
+            depth: depth.filter(|_| channels.depth),
+            object_id: self.object_id(),
+            albedo: self.color(Section::Albedo, manifest.albedo.as_ref()),
+            reactive: self.reactive(),
+            unjittered_color: self.color(Section::UnjitteredColor, manifest.unjittered_color.as_ref()),
+            reference: self.color(Section::Reference, reference.as_ref()),
+        }
+    }
+
+    fn image(&self, section: Section) -> Option<&ImageSource<'_>> {
+        self.images.iter().find(|image| image.section == section)
+    }
+
+    fn floats(&self, image: &ImageSource, channel: usize) -> Cow<'_, [f32]> {
+        self.decoded.floats(self.entry, image, channel)
+    }
+
+    fn color(&self, section: Section, source: Option<&ColorSource>) -> Option<Image<Rgb>> {
+        let (image, source) = (self.image(section)?, source?);
+        let planes = [0, 1, 2].map(|channel| self.floats(image, channel));
+        let decoder = ColorDecoder {
+            transfer: source.transfer,
+            nits_per_unit: source.nits_per_unit,
+            exposure: self.entry.exposure.filter(|_| source.pre_exposed).unwrap_or(1.0),
+        };
+        let extent = match section {
+            Section::Reference => self.sequence.output_size(),
+            _ => self.sequence.render_size(),
+        };
+        Some(from_indices(extent, |i| {
+            decoder.decode([planes[0][i], planes[1][i], planes[2][i]])
+        }))
+    }
+
+    /// The position that pixel `i` samples, jitter included.
+    fn sample_px(&self, i: usize) -> DVec2 {
+        let width = self.sequence.render_size().width as usize;
+        let jitter = self.sequence.jitter_px[self.entry.index];
+        DVec2::new((i % width) as f64 + 0.5 + jitter[0], (i / width) as f64 + 0.5 + jitter[1])
+    }
+
+    fn depth(&self) -> Option<Image<f32>> {
+        let (image, source) = (self.image(Section::Depth)?, self.sequence.manifest.depth.as_ref()?);
+        let plane = self.floats(image, 0);
+        let decoder = DepthDecoder {
+            kind: source.kind,
+            reversed: source.reversed,
+            near: self.entry.near(source).unwrap_or(0.0),
+            far: far_distance(self.entry, Some(source)),
+            sky_value: source.sky_value,
+            scale: source.scale,
+            bias: source.bias,
+            camera: self.sequence.projectors.get(self.entry.index),
+        };
+        Some(from_indices(self.sequence.render_size(), |i| {
+            decoder.decode(plane[i], self.sample_px(i))
+        }))
+    }
+
+    fn motion(&self, depth: Option<&Image<f32>>) -> Option<Image<[f32; 2]>> {
+        let (image, source) = (self.image(Section::Motion)?, self.sequence.manifest.motion.as_ref()?);
+        let (x, y) = (self.floats(image, 0), self.floats(image, 1));
+        let index = self.entry.index;
+        // The first frame has no predecessor; whatever its motion says, there is no history to fetch.
+        let previous = index.saturating_sub(1);
+        let jitters = &self.sequence.jitter_px;
+        let (render, output) = (self.sequence.render_size(), self.sequence.output_size());
+        let decoder = MotionDecoder::new(source, render, output, jitters[index], jitters[previous]);
+        let projectors = &self.sequence.projectors;
+        Some(from_indices(render, |i| {
+            decoder.decode([x[i], y[i]]).unwrap_or_else(|| {
+                let depth = depth.expect("read whenever motion is derived from it");
+                let z = f64::from(depth.pixels()[i]);
+                let motion = projectors[index].motion_px(&projectors[previous], self.sample_px(i), z);
+                motion.as_vec2().to_array()
+            })
+        }))
+    }
+
+    fn object_id(&self) -> Option<Image<u32>> {
+        let image = self.image(Section::ObjectId)?;
+        let extent = self.sequence.render_size();
+        Some(match self.decoded.plane(self.entry, image, 0) {
+            Plane::U32(ids) => Image::from_pixels(extent, ids.clone()),
+            // Blender writes ids as floats.
+            Plane::F32(ids) => from_indices(extent, |i| ids[i].round() as u32),
+        })
+    }
+
+    fn reactive(&self) -> Option<Image<f32>> {
+        let image = self.image(Section::Reactive)?;
+        let plane = self.floats(image, 0);
+        Some(Image::from_pixels(self.sequence.render_size(), plane.into_owned()))
+    }
+}
+
+fn far_distance(entry: &FrameEntry, depth: Option<&DepthSource>) -> f64 {
+    match entry.far(depth) {
+        FarPlane::At(far) => far,
+        FarPlane::Infinite | FarPlane::Undeclared => f64::INFINITY,
+    }
+}
+
+fn from_indices<T: Copy + Send + Sync>(extent: Extent, f: impl Fn(usize) -> T + Sync) -> Image<T> {
+    let width = extent.width as usize;
+    Image::from_fn(extent, |x, y| f(y as usize * width + x as usize))
+}
