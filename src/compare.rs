@@ -1,1 +1,215 @@
-//! compare
+//! `afterimage compare`: two images, or two folders of images matched by file name, without a sequence or a GPU.
+//!
+//! 8- and 16-bit files are taken as what a viewer sees (sRGB-encoded) and compared as exact integers; float files
+//! (OpenEXR, Radiance HDR) as linear colour that still has to pass a display transform.
+
+use crate::{
+    image::files::{FileReader, ImageError, SampleType},
+    metrics::{Display, FrameScores, Metric, MetricError, Shown, Summary, Values, evaluate},
+};
+use serde::Serialize;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ffi::OsString,
+    path::{Path, PathBuf},
+};
+
+/// What to compare by.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Criteria {
+    /// Which metrics.
+    pub metrics: Vec<Metric>,
+    /// How float files are shown. 8- and 16-bit files are shown as they are.
+    pub display: Display,
+}
+
+/// The outcome, in the form of the command's JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Comparison {
+    /// Of two images.
+    Images(Scores),
+    /// Of two folders.
+    Folders {
+        /// One entry a file name, in the order of names.
+        frames: Vec<Frame>,
+        /// By metric id.
+        summary: BTreeMap<&'static str, Summary>,
+    },
+}
+
+/// The scores of one pair.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Scores {
+    /// By metric id.
+    pub metrics: Values,
+    /// Pixels of either image with a NaN or an infinity.
+    pub non_finite_pixels: u64,
+}
+
+/// One pair of a folder.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Frame {
+    /// File name in both folders.
+    pub name: String,
+    /// Its scores.
+    #[serde(flatten)]
+    pub scores: Scores,
+}
+
+/// Why two images cannot be compared.
+#[derive(Debug, thiserror::Error)]
+pub enum CompareError {
+    /// A file cannot be read.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// Two files do not go together.
+    #[error("{} against {}: {source}", test.display(), reference.display())]
+    Pair {
+        /// The reference.
+        reference: PathBuf,
+        /// What is compared with it.
+        test: PathBuf,
+        /// Why.
+        source: MetricError,
+    },
+    /// One of the two is a folder, the other is not.
+    #[error("{} and {} must be two images or two folders", .0.display(), .1.display())]
+    Kinds(PathBuf, PathBuf),
+    /// A folder cannot be listed.
+    #[error("{}: {source}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A folder has no files at all.
+    #[error("{}: no images here", .0.display())]
+    Empty(PathBuf),
+    /// A file has no partner.
+    #[error("{} has no counterpart in {}; folders are matched by file name", file.display(), other.display())]
+    Unmatched {
+        /// The file without a partner.
+        file: PathBuf,
+        /// Where it was looked for.
+        other: PathBuf,
+    },
+}
+
+/// Compares `test` with `reference`: two image files or two folders.
+pub fn compare(
+    reader: &FileReader,
+    reference: &Path,
+    test: &Path,
+    criteria: &Criteria,
+) -> Result<Comparison, CompareError> {
+    match (reference.is_dir(), test.is_dir()) {
+        (false, false) => images(reader, reference, test, criteria).map(Comparison::Images),
+        (true, true) => folders(reader, reference, test, criteria),
+        _ => Err(CompareError::Kinds(reference.to_owned(), test.to_owned())),
+    }
+}
+
+impl Comparison {
+    /// Pixels with a NaN or an infinity in all pairs together; any at all means that the comparison failed.
+    pub fn non_finite_pixels(&self) -> u64 {
+        match self {
+            Self::Images(scores) => scores.non_finite_pixels,
+            Self::Folders { frames, .. } => frames
+                .iter()
+                .map(|frame| frame.scores.non_finite_pixels)
+                .sum(),
+        }
+    }
+}
+
+fn images(
+    reader: &FileReader,
+    reference: &Path,
+    test: &Path,
+    criteria: &Criteria,
+) -> Result<Scores, CompareError> {
+    let (r, t) = rayon::join(
+        || show(reader, reference, criteria),
+        || show(reader, test, criteria),
+    );
+    let FrameScores {
+        values,
+        non_finite_pixels,
+    } = evaluate(&criteria.metrics, &r?, &t?).map_err(|source| CompareError::Pair {
+        reference: reference.to_owned(),
+        test: test.to_owned(),
+        source,
+    })?;
+    Ok(Scores {
+        metrics: values,
+        non_finite_pixels,
+    })
+}
+
+fn show(reader: &FileReader, path: &Path, criteria: &Criteria) -> Result<Shown, ImageError> {
+    let file = reader.read_rgb(path)?;
+    Ok(match file.sample {
+        SampleType::U8 => Shown::from_encoded(&file.image, u8::MAX.into(), &criteria.metrics),
+        SampleType::U16 => Shown::from_encoded(&file.image, u16::MAX, &criteria.metrics),
+        _ => Shown::from_linear(&file.image, criteria.display, &criteria.metrics),
+    })
+}
+
+fn folders(
+    reader: &FileReader,
+    reference: &Path,
+    test: &Path,
+    criteria: &Criteria,
+) -> Result<Comparison, CompareError> {
+    let (names, test_names) = (file_names(reference)?, file_names(test)?);
+    for (here, there, home, other) in [
+        (&names, &test_names, reference, test),
+        (&test_names, &names, test, reference),
+    ] {
+        if let Some(name) = here.difference(there).next() {
+            return Err(CompareError::Unmatched {
+                file: home.join(name),
+                other: other.to_owned(),
+            });
+        }
+    }
+    let frames = names
+        .iter()
+        .map(|name| {
+            Ok(Frame {
+                name: name.to_string_lossy().into_owned(),
+                scores: images(reader, &reference.join(name), &test.join(name), criteria)?,
+            })
+        })
+        .collect::<Result<Vec<_>, CompareError>>()?;
+    let summary = |metric: &Metric| {
+        let values = frames.iter().map(|frame| frame.scores.metrics[metric.id()]);
+        (metric.id(), Summary::new(*metric, values))
+    };
+    Ok(Comparison::Folders {
+        summary: criteria.metrics.iter().map(summary).collect(),
+        frames,
+    })
+}
+
+/// The files of a folder; hidden ones and folders inside it are not images.
+fn file_names(folder: &Path) -> Result<BTreeSet<OsString>, CompareError> {
+    let fail = |source| CompareError::Folder {
+        folder: folder.to_owned(),
+        source,
+    };
+    let mut names = BTreeSet::new();
+    for entry in folder.read_dir().map_err(fail)? {
+        let entry = entry.map_err(fail)?;
+        let hidden = entry.file_name().as_encoded_bytes().starts_with(b".");
+        if !hidden && !entry.path().is_dir() {
+            names.insert(entry.file_name());
+        }
+    }
+    if names.is_empty() {
+        return Err(CompareError::Empty(folder.to_owned()));
+    }
+    Ok(names)
+}

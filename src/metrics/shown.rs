@@ -26,38 +26,20 @@ impl Shown {
         Self::from_pixels(linear, metrics, |pixel| display.apply(pixel), poison)
     }
 
-    /// An image of sRGB-encoded 8-bit values, as PNG files hold them. Exact: no display transform, no rounding.
-    pub fn from_u8(encoded: &Image<[u8; 3]>, metrics: &[Metric]) -> Self {
-        Self::from_encoded(encoded, 255, metrics)
+    /// An image of sRGB-encoded integers of 0 to `max_code` (255 for 8 bits), each given as the float nearest to
+    /// `code / max_code`. The quotients are restored in f64, so that the scores are those of the integers themselves.
+    pub fn from_encoded(encoded: &Image<Rgb>, max_code: u16, metrics: &[Metric]) -> Self {
+        let display = |pixel: Rgb| pixel.map(|value| restore(value, f64::from(max_code)));
+        Self::from_pixels(encoded, metrics, display, |pixel| {
+            display(pixel).map(display::linear_from_srgb)
+        })
     }
 
-    /// An image of sRGB-encoded 16-bit values.
-    pub fn from_u16(encoded: &Image<[u16; 3]>, metrics: &[Metric]) -> Self {
-        Self::from_encoded(encoded, 65_535, metrics)
-    }
-
-    fn from_encoded<T: Copy + Send + Sync + Into<u32>>(
-        image: &Image<[T; 3]>,
-        max: u32,
+    fn from_pixels(
+        image: &Image<Rgb>,
         metrics: &[Metric],
-    ) -> Self {
-        let value = |code: u32| f64::from(code) / f64::from(max);
-        let linear: Vec<f64> = (0..=max)
-            .map(|code| display::linear_from_srgb(value(code)))
-            .collect();
-        Self::from_pixels(
-            image,
-            metrics,
-            |pixel| pixel.map(|c| value(c.into())),
-            |pixel| pixel.map(|c| linear[c.into() as usize]),
-        )
-    }
-
-    fn from_pixels<P: Copy + Send + Sync>(
-        image: &Image<P>,
-        metrics: &[Metric],
-        display: impl Fn(P) -> [f64; 3] + Sync,
-        linear: impl Fn(P) -> [f64; 3] + Sync,
+        display: impl Fn(Rgb) -> [f64; 3] + Sync,
+        linear: impl Fn(Rgb) -> [f64; 3] + Sync,
     ) -> Self {
         let reads_linear = quantities(metrics)
             .iter()
@@ -129,6 +111,16 @@ fn poison(pixel: Rgb) -> [f64; 3] {
     }
 }
 
+/// The exact `code / max_code` that `value` was rounded from, or `value` where it was rounded from no such quotient.
+fn restore(value: f32, max_code: f64) -> f64 {
+    let exact = round(f64::from(value) * max_code) / max_code;
+    if exact as f32 == value {
+        exact
+    } else {
+        f64::from(value)
+    }
+}
+
 /// To the nearest whole number, ties to even, for 0 ≤ `value` < 2⁵¹. Adding 2⁵² leaves no bits for a fraction; unlike
 /// `round` it needs no call, so that rows vectorise, and unlike a cast to an integer it keeps NaN.
 fn round(value: f64) -> f64 {
@@ -136,7 +128,7 @@ fn round(value: f64) -> f64 {
     (value + TWO_52) - TWO_52
 }
 
-fn planes<P: Copy + Send + Sync>(image: &Image<P>, f: impl Fn(P) -> [f64; 3] + Sync) -> Planes {
+fn planes(image: &Image<Rgb>, f: impl Fn(Rgb) -> [f64; 3] + Sync) -> Planes {
     let width = (image.extent().width as usize).max(1);
     let mut planes = [(); 3].map(|()| vec![0.0; image.extent().n_pixels()]);
     let [r, g, b] = &mut planes;
@@ -160,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eight_bit_codes_survive() {
+    fn eight_bit_codes_are_exact() {
         let codes = Image::from_fn(Extent::new(256, 1), |x, _| [x as u8; 3]);
         let shown = Shown::from_u8(&codes, &[Metric::PsnrU8]);
         let mut scratch = Vec::new();

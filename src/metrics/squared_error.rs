@@ -148,16 +148,18 @@ mod tests {
         metrics::{Metric, evaluate},
     };
 
-    fn scores(reference: [u8; 3], test: [u8; 3]) -> impl Fn(Metric) -> f64 {
-        let shown =
-            |pixel| Shown::from_u8(&Image::filled(Extent::new(37, 3), pixel), &Metric::ALL[..7]);
+    fn scores(reference: [f32; 3], test: [f32; 3]) -> impl Fn(Metric) -> f64 {
+        let shown = |codes: [f32; 3]| {
+            let image = Image::filled(Extent::new(37, 3), codes.map(|code| code / 255.0));
+            Shown::from_encoded(&image, 255, &Metric::ALL[..7])
+        };
         let scores = evaluate(&Metric::ALL[..7], &shown(reference), &shown(test)).unwrap();
         move |metric| scores.values[metric.id()].0
     }
 
     #[test]
     fn constant_images_by_hand() {
-        let score = scores([51, 102, 0], [51, 153, 0]);
+        let score = scores([51.0, 102.0, 0.0], [51.0, 153.0, 0.0]);
         let near = |metric: Metric, expected: f64| {
             let actual = score(metric);
             assert!(
@@ -175,12 +177,12 @@ mod tests {
 
     #[test]
     fn black_against_black_is_perfect_and_black_against_white_is_not() {
-        let equal = scores([0; 3], [0; 3]);
+        let equal = scores([0.0; 3], [0.0; 3]);
         assert_eq!(
             [equal(Metric::Snr), equal(Metric::Psnr)],
             [f64::INFINITY; 2]
         );
-        let worst = scores([0; 3], [255; 3]);
+        let worst = scores([0.0; 3], [255.0; 3]);
         assert_eq!(
             [worst(Metric::Snr), worst(Metric::Psnr)],
             [f64::NEG_INFINITY, 0.0]
