@@ -153,15 +153,17 @@ mod tests {
 
     #[test]
     fn eight_bit_codes_are_exact() {
-        let codes = Image::from_fn(Extent::new(256, 1), |x, _| [x as u8; 3]);
-        let shown = Shown::from_u8(&codes, &[Metric::PsnrU8]);
+        let codes = Image::from_fn(Extent::new(256, 1), |x, _| [x as f32 / 255.0; 3]);
+        let shown = Shown::from_encoded(&codes, 255, &[Metric::PsnrU8]);
         let mut scratch = Vec::new();
-        let row = shown.row(Domain::U8, 2, 0, 0..256, &mut scratch);
-        assert!(
-            row.iter()
-                .enumerate()
-                .all(|(code, &value)| value == code as f64)
-        );
+        for (domain, scale) in [(Domain::U8, 1.0), (Domain::Display, 255.0)] {
+            let row = shown.row(domain, 2, 0, 0..256, &mut scratch);
+            assert!(
+                row.iter()
+                    .enumerate()
+                    .all(|(code, &value)| value == code as f64 / scale)
+            );
+        }
     }
 
     #[test]
