@@ -15,17 +15,10 @@ fn main() {
         tonemap: Tonemap::ReinhardMax,
     };
     let reference = Image::from_fn(extent, |x, y| {
-        [
-            x as f32 / 1920.0,
-            y as f32 / 540.0,
-            ((x ^ y) & 255) as f32 / 64.0,
-        ]
+        [x as f32 / 1920.0, y as f32 / 540.0, ((x ^ y) & 255) as f32 / 64.0]
     });
     let test = reference.map(|[r, g, b]| [g * 0.1 + r * 0.9, g * 1.01, b + 0.01]);
-    println!(
-        "1920×1080, {} threads; least of 5",
-        rayon::current_num_threads()
-    );
+    println!("1920×1080, {} threads; least of 5", rayon::current_num_threads());
     report("display transform only", || {
         drop(Reference::new(&test, display, &[Metric::Psnr]))
     });

@@ -116,24 +116,13 @@ impl Comparison {
     pub fn non_finite_pixels(&self) -> u64 {
         match self {
             Self::Images(scores) => scores.non_finite_pixels,
-            Self::Folders { frames, .. } => frames
-                .iter()
-                .map(|frame| frame.scores.non_finite_pixels)
-                .sum(),
+            Self::Folders { frames, .. } => frames.iter().map(|frame| frame.scores.non_finite_pixels).sum(),
         }
     }
 }
 
-fn images(
-    reader: &FileReader,
-    reference: &Path,
-    test: &Path,
-    criteria: &Criteria,
-) -> Result<Scores, CompareError> {
-    let (r, t) = rayon::join(
-        || show(reader, reference, criteria),
-        || show(reader, test, criteria),
-    );
+fn images(reader: &FileReader, reference: &Path, test: &Path, criteria: &Criteria) -> Result<Scores, CompareError> {
+    let (r, t) = rayon::join(|| show(reader, reference, criteria), || show(reader, test, criteria));
     let FrameScores {
         values,
         non_finite_pixels,

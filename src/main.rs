@@ -1,1 +1,48 @@
-fn main() {}
+//! The command line: parses, calls the library, prints. Exit status: 0 done, 1 a check said no, 2 wrong use or bad input.
+#![forbid(unsafe_code)]
+
+mod cli;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Validates temporal anti-aliasing: runs published systems on the GPU over dumped frames and compares with references.
+#[derive(Parser)]
+#[command(
+    version,
+    arg_required_else_help = true,
+    after_help = "Exit status: 0 done, 1 a check said no, 2 wrong use or bad input."
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Run(cli::run::Arguments),
+    Compare(cli::compare::Arguments),
+    Serve(cli::serve::Arguments),
+    Submit(cli::submit::Arguments),
+    List(cli::list::Arguments),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    cli::log_to_stderr();
+    let outcome = match arguments.command {
+        Command::Run(arguments) => cli::run::run(&arguments),
+        Command::Compare(arguments) => cli::compare::run(&arguments),
+        Command::Serve(arguments) => cli::serve::run(arguments),
+        Command::Submit(arguments) => cli::submit::run(&arguments),
+        Command::List(arguments) => cli::list::run(&arguments),
+    };
+    match outcome {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(error) => {
+            cli::complain(&format!("{error:#}"));
+            ExitCode::from(2)
+        }
+    }
+}

@@ -14,16 +14,14 @@ pub struct Gpu {
     info: wgpu::AdapterInfo,
 }
 
-const NO_DRIVER: &str = "no Vulkan adapter found: install a GPU driver, or Mesa's software renderer with \
+/// What to do where there is no adapter at all.
+pub const NO_DRIVER: &str = "no Vulkan adapter found: install a GPU driver, or Mesa's software renderer with \
      `apt-get install libvulkan1 mesa-vulkan-drivers`";
 
 /// The adapters that could be opened, in the order of their index.
 pub fn adapters() -> Vec<AdapterInfo> {
     let found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
-    found
-        .iter()
-        .map(|adapter| describe(&adapter.get_info()))
-        .collect()
+    found.iter().map(|adapter| describe(&adapter.get_info())).collect()
 }
 
 impl Gpu {
@@ -61,11 +59,7 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|error| unsupported(error.to_string()))?;
-        Ok(Self {
-            device,
-            queue,
-            info,
-        })
+        Ok(Self { device, queue, info })
     }
 
     /// Name, kind and driver, as reports carry them.
@@ -132,10 +126,7 @@ fn instance() -> wgpu::Instance {
 }
 
 fn find(found: &[wgpu::Adapter], wanted: &str) -> Result<usize, GpuError> {
-    let by_index = wanted
-        .parse::<usize>()
-        .ok()
-        .filter(|&index| index < found.len());
+    let by_index = wanted.parse::<usize>().ok().filter(|&index| index < found.len());
     let by_name = || {
         let wanted = wanted.to_lowercase();
         found
@@ -148,10 +139,7 @@ fn find(found: &[wgpu::Adapter], wanted: &str) -> Result<usize, GpuError> {
             .enumerate()
             .map(|(index, adapter)| format!("{index}: {}", adapter.get_info().name))
             .collect();
-        GpuError::NoAdapter(format!(
-            "no adapter matches `{wanted}`; there are {}",
-            names.join(", ")
-        ))
+        GpuError::NoAdapter(format!("no adapter matches `{wanted}`; there are {}", names.join(", ")))
     })
 }
 

@@ -7,7 +7,7 @@ mod readback;
 mod texture;
 mod timer;
 
-pub use adapter::{Gpu, adapters};
+pub use adapter::{Gpu, NO_DRIVER, adapters};
 pub use pass::{Bound, Dispatch, Invocation, Pass, UniformValue};
 pub use readback::{Readback, ReadbackPool};
 pub use texture::Texture;

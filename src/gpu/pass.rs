@@ -88,12 +88,7 @@ impl Pass {
     /// Compiles the entry point `main` of `sources` joined together. WGSL's module scope has no order, so the pass comes
     /// first (its errors then carry its own line numbers) and shared files follow. `overrides` are set by name; those
     /// named `WORKGROUP_X` and `WORKGROUP_Y` are set here.
-    pub fn new(
-        gpu: &Gpu,
-        label: &str,
-        sources: &[&str],
-        overrides: &[(&str, f64)],
-    ) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, label: &str, sources: &[&str], overrides: &[(&str, f64)]) -> Result<Self, GpuError> {
         let error = |message: String| GpuError::Pass {
             pass: label.to_owned(),
             message,
@@ -107,10 +102,7 @@ impl Pass {
             constants.push(("WORKGROUP_X", f64::from(workgroup[0])));
             constants.push(("WORKGROUP_Y", f64::from(workgroup[1])));
         }
-        if let Some((name, _)) = constants
-            .iter()
-            .find(|(name, _)| !reflected.overrides.contains(*name))
-        {
+        if let Some((name, _)) = constants.iter().find(|(name, _)| !reflected.overrides.contains(*name)) {
             return Err(error(format!("the shader has no override `{name}`")));
         }
         if let Some(name) = reflected
@@ -122,24 +114,21 @@ impl Pass {
         }
         let pipeline = gpu
             .scope(label, || {
-                let module = gpu
-                    .device
-                    .create_shader_module(wgpu::ShaderModuleDescriptor {
-                        label: Some(label),
-                        source: wgpu::ShaderSource::Wgsl(source.into()),
-                    });
-                gpu.device
-                    .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                        label: Some(label),
-                        layout: None,
-                        module: &module,
-                        entry_point: Some("main"),
-                        compilation_options: wgpu::PipelineCompilationOptions {
-                            constants: &constants,
-                            zero_initialize_workgroup_memory: false,
-                        },
-                        cache: None,
-                    })
+                let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                    label: Some(label),
+                    source: wgpu::ShaderSource::Wgsl(source.into()),
+                });
+                gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(label),
+                    layout: None,
+                    module: &module,
+                    entry_point: Some("main"),
+                    compilation_options: wgpu::PipelineCompilationOptions {
+                        constants: &constants,
+                        zero_initialize_workgroup_memory: false,
+                    },
+                    cache: None,
+                })
             })
             .map_err(|cause| error(cause.to_string()))?;
         Ok(Self {
@@ -152,11 +141,7 @@ impl Pass {
     }
 
     /// Starts an invocation by binding the first name.
-    pub fn bind<'a>(
-        &'a self,
-        name: &'static str,
-        resource: impl Into<Bound<'a>>,
-    ) -> Invocation<'a> {
+    pub fn bind<'a>(&'a self, name: &'static str, resource: impl Into<Bound<'a>>) -> Invocation<'a> {
         Invocation {
             pass: self,
             bound: Vec::new(),
@@ -224,11 +209,7 @@ impl<'a> Invocation<'a> {
             });
         }
         for (name, binding) in &pass.bindings {
-            match entries
-                .iter()
-                .filter(|entry| entry.binding == binding.index)
-                .count()
-            {
+            match entries.iter().filter(|entry| entry.binding == binding.index).count() {
                 1 => {}
                 0 => return Err(pass.error(format!("`{name}` is not bound"))),
                 _ => return Err(pass.error(format!("`{name}` is bound twice"))),
@@ -264,11 +245,7 @@ pub struct Dispatch<'a> {
 
 impl Dispatch<'_> {
     /// Records the pass, timed where `timestamps` is given.
-    pub fn record(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
-    ) {
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>) {
         let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some(&self.pass.label),
             timestamp_writes: timestamps,
@@ -286,19 +263,11 @@ impl Pass {
             .ok_or_else(|| self.error(format!("the shader uses no binding `{name}`")))
     }
 
-    fn uniform_buffer(
-        &self,
-        gpu: &Gpu,
-        name: &str,
-        fields: &[(&str, UniformValue)],
-    ) -> Result<wgpu::Buffer, GpuError> {
+    fn uniform_buffer(&self, gpu: &Gpu, name: &str, fields: &[(&str, UniformValue)]) -> Result<wgpu::Buffer, GpuError> {
         let Some((size, offsets)) = &self.binding(name)?.uniform else {
             return Err(self.error(format!("`{name}` is not a uniform")));
         };
-        if let Some(missing) = offsets
-            .keys()
-            .find(|field| !fields.iter().any(|(set, _)| set == field))
-        {
+        if let Some(missing) = offsets.keys().find(|field| !fields.iter().any(|(set, _)| set == field)) {
             return Err(self.error(format!("`{name}.{missing}` is not set")));
         }
         let mut bytes = vec![0; *size as usize];
@@ -330,14 +299,10 @@ struct Reflection {
 
 impl Reflection {
     fn new(source: &str) -> Result<Self, String> {
-        let module =
-            naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
-        let info = naga::valid::Validator::new(
-            naga::valid::ValidationFlags::all(),
-            naga::valid::Capabilities::all(),
-        )
-        .validate(&module)
-        .map_err(|error| error.emit_to_string(source))?;
+        let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
+        let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all())
+            .validate(&module)
+            .map_err(|error| error.emit_to_string(source))?;
         let entry = module
             .entry_points
             .iter()
@@ -352,8 +317,7 @@ impl Reflection {
             if uses[handle].is_empty() {
                 continue;
             }
-            let uniform = (variable.space == naga::AddressSpace::Uniform)
-                .then(|| fields(&module, variable.ty));
+            let uniform = (variable.space == naga::AddressSpace::Uniform).then(|| fields(&module, variable.ty));
             bindings.insert(
                 name.clone(),
                 Binding {

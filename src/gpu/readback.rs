@@ -51,17 +51,10 @@ fn padded_row_bytes(width: u32) -> u32 {
 
 impl Readback {
     /// Records the copy of an `rgba32float` texture; returns the slot to read it from.
-    pub fn copy_texture(
-        &mut self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        texture: &Texture,
-    ) -> usize {
+    pub fn copy_texture(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &Texture) -> usize {
         let extent = texture.extent();
         let row_bytes = padded_row_bytes(extent.width);
-        let buffer = self
-            .pool
-            .take(gpu, u64::from(row_bytes) * u64::from(extent.height));
+        let buffer = self.pool.take(gpu, u64::from(row_bytes) * u64::from(extent.height));
         encoder.copy_texture_to_buffer(
             texture.raw().as_image_copy(),
             wgpu::TexelCopyBufferInfo {
@@ -115,11 +108,7 @@ impl Readback {
     }
 
     /// The colour of a slot that [`Readback::copy_texture`] returned for `texture`'s extent.
-    pub fn rgb(
-        &self,
-        slot: usize,
-        extent: crate::image::Extent,
-    ) -> Result<Image<[f32; 3]>, GpuError> {
+    pub fn rgb(&self, slot: usize, extent: crate::image::Extent) -> Result<Image<[f32; 3]>, GpuError> {
         let bytes = self.bytes(slot)?;
         let bytes: &[u8] = &bytes;
         let width = extent.width as usize;

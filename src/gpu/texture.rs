@@ -89,9 +89,7 @@ impl Texture {
 
 /// Two-channel floats cannot be written by every adapter's passes, and none of ours writes one.
 fn usages(format: wgpu::TextureFormat) -> wgpu::TextureUsages {
-    let common = wgpu::TextureUsages::TEXTURE_BINDING
-        | wgpu::TextureUsages::COPY_DST
-        | wgpu::TextureUsages::COPY_SRC;
+    let common = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::COPY_SRC;
     if format == wgpu::TextureFormat::Rg32Float {
         common
     } else {

@@ -8,8 +8,7 @@ pub struct Timer {
     queries: Option<Queries>,
     /// Nanoseconds a tick.
     period_ns: f32,
-    /// What each pair of timestamps stands for.
-    labels: Vec<String>,
+    n_timed: u32,
     capacity: u32,
 }
 
@@ -20,13 +19,11 @@ struct Queries {
 }
 
 impl Timer {
-    /// A timer for up to `capacity` passes a submission. Times nothing where the adapter has no timestamps.
+    /// A timer for up to `capacity` passes a submission. Times nothing where that is 0 or the adapter has no
+    /// timestamps.
     pub fn new(gpu: &Gpu, capacity: u32) -> Self {
-        let has_timestamps = gpu
-            .device
-            .features()
-            .contains(wgpu::Features::TIMESTAMP_QUERY);
-        let queries = has_timestamps.then(|| Queries {
+        let has_timestamps = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let queries = (has_timestamps && capacity > 0).then(|| Queries {
             set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("pass times"),
                 ty: wgpu::QueryType::Timestamp,
@@ -42,20 +39,23 @@ impl Timer {
         Self {
             queries,
             period_ns: gpu.queue.get_timestamp_period(),
-            labels: Vec::new(),
+            n_timed: 0,
             capacity,
         }
     }
 
-    /// The timestamps of the next pass, to be reported under `label`.
+    /// The most passes that one timer holds: WebGPU's limit of 4096 queries a set.
+    pub const MAX_PASSES: u32 = 2048;
+
+    /// The timestamps of the next pass to be recorded.
     ///
     /// # Panics
     /// When more passes are timed than the capacity.
-    pub fn time(&mut self, label: &str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+    pub fn time(&mut self) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let queries = self.queries.as_ref()?;
-        let index = self.labels.len() as u32;
+        let index = self.n_timed;
         assert!(index < self.capacity, "more passes than the timer holds");
-        self.labels.push(label.to_owned());
+        self.n_timed += 1;
         Some(wgpu::ComputePassTimestampWrites {
             query_set: &queries.set,
             beginning_of_pass_write_index: Some(index * 2),
@@ -64,24 +64,13 @@ impl Timer {
     }
 
     /// Copies the timestamps into `readback`, ends this submission's timing, and returns how to read them.
-    pub fn finish(
-        &mut self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        readback: &mut Readback,
-    ) -> Times {
-        let labels = std::mem::take(&mut self.labels);
-        let slot = self
-            .queries
-            .as_ref()
-            .filter(|_| !labels.is_empty())
-            .map(|queries| {
-                let n = labels.len() as u32 * 2;
-                encoder.resolve_query_set(&queries.set, 0..n, &queries.resolved, 0);
-                readback.copy_buffer(gpu, encoder, &queries.resolved, u64::from(n) * 8)
-            });
+    pub fn finish(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Times {
+        let n_queries = 2 * std::mem::take(&mut self.n_timed);
+        let slot = self.queries.as_ref().filter(|_| n_queries > 0).map(|queries| {
+            encoder.resolve_query_set(&queries.set, 0..n_queries, &queries.resolved, 0);
+            readback.copy_buffer(gpu, encoder, &queries.resolved, u64::from(n_queries) * 8)
+        });
         Times {
-            labels,
             slot,
             period_ns: self.period_ns,
         }
@@ -91,14 +80,13 @@ impl Timer {
 /// The times of one submission, once its read-back has arrived.
 #[derive(Debug)]
 pub struct Times {
-    labels: Vec<String>,
     slot: Option<usize>,
     period_ns: f32,
 }
 
 impl Times {
-    /// Label and milliseconds of each timed pass, in order.
-    pub fn read(&self, readback: &Readback) -> Result<Vec<(String, f64)>, GpuError> {
+    /// Milliseconds of each timed pass, in the order recorded; none where the adapter has no timestamps.
+    pub fn read(&self, readback: &Readback) -> Result<Vec<f64>, GpuError> {
         let Some(slot) = self.slot else {
             return Ok(Vec::new());
         };
@@ -106,11 +94,7 @@ impl Times {
         let ticks = |pair: &[u8], at| u64::from_le_bytes(std::array::from_fn(|i| pair[at + i]));
         Ok(bytes
             .chunks_exact(16)
-            .zip(&self.labels)
-            .map(|(pair, label)| {
-                let elapsed = ticks(pair, 8).saturating_sub(ticks(pair, 0)) as f64;
-                (label.clone(), elapsed * f64::from(self.period_ns) * 1e-6)
-            })
+            .map(|pair| ticks(pair, 8).saturating_sub(ticks(pair, 0)) as f64 * f64::from(self.period_ns) * 1e-6)
             .collect())
     }
 }

@@ -77,11 +77,7 @@ impl<T: Copy + Send + Sync> Image<T> {
     /// # Panics
     /// When their number is not `extent.n_pixels()`: a caller's mistake, never a user's.
     pub fn from_pixels(extent: Extent, pixels: Vec<T>) -> Self {
-        assert_eq!(
-            pixels.len(),
-            extent.n_pixels(),
-            "pixels of a {extent} image"
-        );
+        assert_eq!(pixels.len(), extent.n_pixels(), "pixels of a {extent} image");
         Self { extent, pixels }
     }
 

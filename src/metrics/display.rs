@@ -89,10 +89,7 @@ mod tests {
     use super::*;
 
     fn display(tonemap: Tonemap) -> Display {
-        Display {
-            exposure: 2.0,
-            tonemap,
-        }
+        Display { exposure: 2.0, tonemap }
     }
 
     fn assert_near(actual: [f64; 3], expected: [f64; 3]) {
@@ -104,14 +101,8 @@ mod tests {
     #[test]
     fn known_values() {
         let half = 0.735_356_983_052_449_6; // sRGB code of 0.5
-        assert_near(
-            display(Tonemap::None).apply([0.25, 0.5, -1.0]),
-            [half, 1.0, 0.0],
-        );
-        assert_near(
-            display(Tonemap::ReinhardMax).apply([0.5, 0.0, 0.0]),
-            [half, 0.0, 0.0],
-        );
+        assert_near(display(Tonemap::None).apply([0.25, 0.5, -1.0]), [half, 1.0, 0.0]);
+        assert_near(display(Tonemap::ReinhardMax).apply([0.5, 0.0, 0.0]), [half, 0.0, 0.0]);
         let aces = (2.51 + 0.03) / (2.43 + 0.59 + 0.14);
         assert_near(
             display(Tonemap::Aces).apply([0.5; 3]),
@@ -135,12 +126,7 @@ mod tests {
     fn non_finite_colours_are_never_clamped_away() {
         for tonemap in Tonemap::ALL {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-                assert!(
-                    display(tonemap)
-                        .apply([0.5, bad, 0.5])
-                        .iter()
-                        .all(|c| c.is_nan())
-                );
+                assert!(display(tonemap).apply([0.5, bad, 0.5]).iter().all(|c| c.is_nan()));
             }
         }
     }

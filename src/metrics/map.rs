@@ -5,17 +5,10 @@ use crate::{image::Image, sequence::frame::Rgb};
 use std::f64::consts::TAU;
 
 /// Mean over RGB of |T − R| in display values, 0 to 1; NaN where either pixel is non-finite.
-pub fn error_map(
-    reference: &Image<Rgb>,
-    test: &Image<Rgb>,
-    display: Display,
-) -> Result<Image<f32>, MetricError> {
+pub fn error_map(reference: &Image<Rgb>, test: &Image<Rgb>, display: Display) -> Result<Image<f32>, MetricError> {
     check_sizes(&[], reference.extent(), test.extent())?;
     Ok(Image::from_fn(reference.extent(), |x, y| {
-        let (r, t) = (
-            display.apply(reference.at(x, y)),
-            display.apply(test.at(x, y)),
-        );
+        let (r, t) = (display.apply(reference.at(x, y)), display.apply(test.at(x, y)));
         let sum: f64 = r.iter().zip(t).map(|(r, t)| (t - r).abs()).sum();
         (sum / 3.0) as f32
     }))
@@ -23,11 +16,7 @@ pub fn error_map(
 
 /// The structural similarity of each 11×11 window of display RGB, averaged over channels. Ten pixels smaller than the
 /// images in either axis: pixel (x, y) is the window centred at (x + 5, y + 5).
-pub fn ssim_map(
-    reference: &Image<Rgb>,
-    test: &Image<Rgb>,
-    display: Display,
-) -> Result<Image<f32>, MetricError> {
+pub fn ssim_map(reference: &Image<Rgb>, test: &Image<Rgb>, display: Display) -> Result<Image<f32>, MetricError> {
     check_sizes(&[Metric::Ssim], reference.extent(), test.extent())?;
     let shown = |image| Shown::from_linear(image, display, &[Metric::Ssim]);
     Ok(ssim::map(&shown(reference), &shown(test)))
@@ -61,11 +50,7 @@ fn cubehelix(level: f64) -> [u8; 3] {
         -0.29227 * cos - 0.90649 * sin,
         1.97294 * cos,
     ]
-    .map(|component| {
-        (255.0 * (level + amplitude * component))
-            .clamp(0.0, 255.0)
-            .round() as u8
-    })
+    .map(|component| (255.0 * (level + amplitude * component)).clamp(0.0, 255.0).round() as u8)
 }
 
 #[cfg(test)]
@@ -93,15 +78,10 @@ mod tests {
     fn ssim_map_averages_to_the_metric() {
         let extent = Extent::new(150, 90);
         let reference = Image::from_fn(extent, |x, y| [(x * 7 + y * 13) as f32 % 11.0 / 11.0; 3]);
-        let test = Image::from_fn(extent, |x, y| {
-            [((x * 5 + y * 3) % 17) as f32 / 17.0, 0.5, 0.1]
-        });
+        let test = Image::from_fn(extent, |x, y| [((x * 5 + y * 3) % 17) as f32 / 17.0, 0.5, 0.1]);
         let map = ssim_map(&reference, &test, Display::default()).unwrap();
-        let mean =
-            map.pixels().iter().map(|&v| f64::from(v)).sum::<f64>() / map.pixels().len() as f64;
-        let scores =
-            crate::metrics::Reference::new(&reference, Display::default(), &[Metric::Ssim])
-                .evaluate(&test);
+        let mean = map.pixels().iter().map(|&v| f64::from(v)).sum::<f64>() / map.pixels().len() as f64;
+        let scores = crate::metrics::Reference::new(&reference, Display::default(), &[Metric::Ssim]).evaluate(&test);
         assert!((mean - scores.unwrap().values["ssim"].0).abs() < 1e-7);
         assert_eq!(map.extent(), Extent::new(140, 80));
     }
@@ -110,8 +90,7 @@ mod tests {
     fn brightness_of_the_scale_rises_and_never_meets_the_nan_colour() {
         let ramp = Image::from_fn(Extent::new(256, 1), |x, _| x as f32);
         let scale = false_color(&ramp, 255.0);
-        let brightness =
-            |[r, g, b]: [u8; 3]| 0.30 * f64::from(r) + 0.59 * f64::from(g) + 0.11 * f64::from(b);
+        let brightness = |[r, g, b]: [u8; 3]| 0.30 * f64::from(r) + 0.59 * f64::from(g) + 0.11 * f64::from(b);
         for pair in scale.pixels().windows(2) {
             assert!(brightness(pair[1]) > brightness(pair[0]) - 1.0, "{pair:?}");
         }

@@ -23,7 +23,7 @@ pub mod display;
 pub mod map;
 mod shown;
 mod squared_error;
-mod srgb;
+pub mod srgb;
 mod ssim;
 mod summary;
 mod value;
@@ -132,6 +132,19 @@ impl Metric {
     pub const fn id(self) -> &'static str {
         self.info().id
     }
+
+    /// Whether images of this size are large enough for the metric's window.
+    pub fn check_size(self, extent: Extent) -> Result<(), MetricError> {
+        let smallest = self.definition().quantity.smallest();
+        if extent.width.min(extent.height) >= smallest {
+            return Ok(());
+        }
+        Err(MetricError::TooSmall {
+            metric: self.id(),
+            smallest,
+            extent,
+        })
+    }
 }
 
 impl fmt::Display for Metric {
@@ -192,9 +205,7 @@ pub enum MetricError {
         test: Extent,
     },
     /// The image is smaller than the metric's window.
-    #[error(
-        "`{metric}` needs at least {smallest}×{smallest} pixels, the image has {extent}; leave the metric out"
-    )]
+    #[error("`{metric}` needs at least {smallest}×{smallest} pixels, the image has {extent}; leave the metric out")]
     TooSmall {
         /// The metric's id.
         metric: &'static str,
@@ -322,11 +333,7 @@ impl Reference {
 ///
 /// # Panics
 /// When either was prepared for other metrics, which read values it does not hold: a caller's mistake, never a user's.
-pub fn evaluate(
-    metrics: &[Metric],
-    reference: &Shown,
-    test: &Shown,
-) -> Result<FrameScores, MetricError> {
+pub fn evaluate(metrics: &[Metric], reference: &Shown, test: &Shown) -> Result<FrameScores, MetricError> {
     check_sizes(metrics, reference.extent(), test.extent())?;
     let measured = quantities(metrics)
         .into_iter()
@@ -342,35 +349,18 @@ fn check_sizes(metrics: &[Metric], reference: Extent, test: Extent) -> Result<()
     if reference != test {
         return Err(MetricError::SizeMismatch { reference, test });
     }
-    let side = test.width.min(test.height);
-    for metric in metrics {
-        let smallest = metric.definition().quantity.smallest();
-        if side < smallest {
-            return Err(MetricError::TooSmall {
-                metric: metric.id(),
-                smallest,
-                extent: test,
-            });
-        }
-    }
-    Ok(())
+    metrics.iter().try_for_each(|metric| metric.check_size(test))
 }
 
 fn quantities(metrics: &[Metric]) -> BTreeSet<Quantity> {
-    metrics
-        .iter()
-        .map(|metric| metric.definition().quantity)
-        .collect()
+    metrics.iter().map(|metric| metric.definition().quantity).collect()
 }
 
 /// The value of each of `metrics`, whose quantities were all measured.
 fn values(metrics: &[Metric], measured: &BTreeMap<Quantity, Sums>) -> Values {
     let value = |metric: &Metric| {
         let definition = metric.definition();
-        (
-            metric.id(),
-            Value((definition.value)(&measured[&definition.quantity])),
-        )
+        (metric.id(), Value((definition.value)(&measured[&definition.quantity])))
     };
     metrics.iter().map(value).collect()
 }
@@ -393,16 +383,9 @@ mod tests {
 
     #[test]
     fn an_unknown_id_names_the_nearest() {
-        for (wrong, right) in [
-            ("pnsr", "psnr"),
-            ("psnr_linear", "psnr.linear"),
-            ("SSIM.y", "ssim.y"),
-        ] {
+        for (wrong, right) in [("pnsr", "psnr"), ("psnr_linear", "psnr.linear"), ("SSIM.y", "ssim.y")] {
             let error = wrong.parse::<Metric>().unwrap_err().to_string();
-            assert_eq!(
-                error,
-                format!("unknown metric `{wrong}`; did you mean `{right}`?")
-            );
+            assert_eq!(error, format!("unknown metric `{wrong}`; did you mean `{right}`?"));
         }
     }
 

@@ -83,10 +83,7 @@ impl Shown {
         match domain {
             Domain::Display => [r, g, b][channel],
             Domain::Linear => {
-                let linear = self
-                    .linear
-                    .as_ref()
-                    .expect("the image was prepared for these metrics");
+                let linear = self.linear.as_ref().expect("the image was prepared for these metrics");
                 &linear[channel][span]
             }
             Domain::Luma => {
@@ -114,11 +111,7 @@ fn poison(pixel: Rgb) -> [f64; 3] {
 /// The exact `code / max_code` that `value` was rounded from, or `value` where it was rounded from no such quotient.
 fn restore(value: f32, max_code: f64) -> f64 {
     let exact = round(f64::from(value) * max_code) / max_code;
-    if exact as f32 == value {
-        exact
-    } else {
-        f64::from(value)
-    }
+    if exact as f32 == value { exact } else { f64::from(value) }
 }
 
 /// To the nearest whole number, ties to even, for 0 ≤ `value` < 2⁵¹. Adding 2⁵² leaves no bits for a fraction; unlike

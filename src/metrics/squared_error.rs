@@ -70,12 +70,7 @@ pub(super) const SNR: Definition = Definition {
     relative_mse: None,
 };
 
-const fn psnr(
-    id: &'static str,
-    domain: Domain,
-    value: fn(&Sums) -> f64,
-    description: &'static str,
-) -> Definition {
+const fn psnr(id: &'static str, domain: Domain, value: fn(&Sums) -> f64, description: &'static str) -> Definition {
     Definition {
         info: MetricInfo {
             id,
@@ -178,14 +173,8 @@ mod tests {
     #[test]
     fn black_against_black_is_perfect_and_black_against_white_is_not() {
         let equal = scores([0.0; 3], [0.0; 3]);
-        assert_eq!(
-            [equal(Metric::Snr), equal(Metric::Psnr)],
-            [f64::INFINITY; 2]
-        );
+        assert_eq!([equal(Metric::Snr), equal(Metric::Psnr)], [f64::INFINITY; 2]);
         let worst = scores([0.0; 3], [255.0; 3]);
-        assert_eq!(
-            [worst(Metric::Snr), worst(Metric::Psnr)],
-            [f64::NEG_INFINITY, 0.0]
-        );
+        assert_eq!([worst(Metric::Snr), worst(Metric::Psnr)], [f64::NEG_INFINITY, 0.0]);
     }
 }

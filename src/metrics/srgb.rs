@@ -30,9 +30,7 @@ const SERIES: [f64; 6] = {
 
 /// Of each cell: one over its centre, and its centre to the power `P`.
 static CELLS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
-    let centre = |cell: u64| {
-        f64::from_bits(((FIRST_CELL + cell) << (52 - CELL_BITS)) + (1 << (51 - CELL_BITS)))
-    };
+    let centre = |cell: u64| f64::from_bits(((FIRST_CELL + cell) << (52 - CELL_BITS)) + (1 << (51 - CELL_BITS)));
     (0..N_CELLS as u64)
         .map(centre)
         .map(|c| [1.0 / c, libm::pow(c, P)])
@@ -79,10 +77,7 @@ mod tests {
             let linear = LINEAR_BELOW + (1.0 - LINEAR_BELOW) * f64::from(i) / f64::from(n);
             let exact = 1.055 * libm::pow(linear, P) - 0.055;
             let error = (encode(linear) - exact).abs();
-            assert!(
-                linear == LINEAR_BELOW || error < 5e-16,
-                "{linear}: {error:e}"
-            );
+            assert!(linear == LINEAR_BELOW || error < 5e-16, "{linear}: {error:e}");
         }
     }
 
@@ -99,10 +94,7 @@ mod tests {
     fn decode_inverts_encode() {
         for i in 0..=65_535 {
             let encoded = f64::from(i) / 65_535.0;
-            assert!(
-                (encode(decode(encoded)) - encoded).abs() < 5e-9,
-                "{encoded}"
-            );
+            assert!((encode(decode(encoded)) - encoded).abs() < 5e-9, "{encoded}");
         }
     }
 }

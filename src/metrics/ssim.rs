@@ -29,16 +29,8 @@ const TILE_INPUT: usize = TILE + WINDOW - 1;
 /// Rows of windows that one thread takes at a time.
 const BAND: usize = 64;
 
-pub(super) const SSIM: Definition = ssim(
-    "ssim",
-    Domain::Display,
-    "Structural similarity of display RGB",
-);
-pub(super) const SSIM_Y: Definition = ssim(
-    "ssim.y",
-    Domain::Luma,
-    "Structural similarity of Rec. 709 luma",
-);
+pub(super) const SSIM: Definition = ssim("ssim", Domain::Display, "Structural similarity of display RGB");
+pub(super) const SSIM_Y: Definition = ssim("ssim.y", Domain::Luma, "Structural similarity of Rec. 709 luma");
 pub(super) const SSIM_U8: Definition = ssim(
     "ssim.u8",
     Domain::U8,
@@ -62,8 +54,7 @@ const fn ssim(id: &'static str, domain: Domain, description: &'static str) -> De
 
 /// Weights of the window's centre and of the pixels 1 to 5 away from it; the eleven sum to 1.
 pub(super) static WEIGHTS: LazyLock<[f64; HALF + 1]> = LazyLock::new(|| {
-    let gauss: [f64; HALF + 1] =
-        std::array::from_fn(|i| libm::exp(-0.5 * (i as f64 / SIGMA) * (i as f64 / SIGMA)));
+    let gauss: [f64; HALF + 1] = std::array::from_fn(|i| libm::exp(-0.5 * (i as f64 / SIGMA) * (i as f64 / SIGMA)));
     let sum = gauss[0] + 2.0 * gauss[1..].iter().sum::<f64>();
     gauss.map(|weight| weight / sum)
 });
@@ -84,9 +75,7 @@ pub(super) fn measure(domain: Domain, reference: &Shown, test: &Shown) -> Sums {
             let mut total = 0.0;
             let rows = first..height.min(first + BAND);
             let mut pair = Pair::new(domain, channel, reference, test);
-            pair.for_each_run(rows, width, |_, _, indices| {
-                total += indices.iter().sum::<f64>()
-            });
+            pair.for_each_run(rows, width, |_, _, indices| total += indices.iter().sum::<f64>());
             total
         })
         .collect();
@@ -122,10 +111,7 @@ pub(super) fn map(reference: &Shown, test: &Shown) -> Image<f32> {
 
 /// How many windows fit in each axis.
 pub(super) fn valid_extent(extent: Extent) -> Extent {
-    Extent::new(
-        extent.width - 2 * HALF as u32,
-        extent.height - 2 * HALF as u32,
-    )
+    Extent::new(extent.width - 2 * HALF as u32, extent.height - 2 * HALF as u32)
 }
 
 /// The planes that are filtered, over one row of a tile: S, D, S², D².
@@ -154,12 +140,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Calls `f(x, y, indices)` for every run of at most [`TILE`] windows in `rows`, `width` windows to a row.
-    fn for_each_run(
-        &mut self,
-        rows: std::ops::Range<usize>,
-        width: usize,
-        mut f: impl FnMut(usize, usize, &[f64]),
-    ) {
+    fn for_each_run(&mut self, rows: std::ops::Range<usize>, width: usize, mut f: impl FnMut(usize, usize, &[f64])) {
         let (mut columns, mut windows, mut run): (Row, Windows, _) =
             ([[0.0; TILE_INPUT]; 4], [[0.0; TILE]; 4], [0.0; TILE]);
         for x in (0..width).step_by(TILE) {
@@ -198,21 +179,14 @@ type Windows = [[f64; TILE]; 4];
 /// The Gaussian over the eleven rows from `first` on.
 fn filter_columns(ring: &[Row; WINDOW], first: usize, filtered: &mut Row) {
     for (plane, filtered) in filtered.iter_mut().enumerate() {
-        gaussian(
-            std::array::from_fn(|i| &ring[(first + i) % WINDOW][plane]),
-            filtered,
-        );
+        gaussian(std::array::from_fn(|i| &ring[(first + i) % WINDOW][plane]), filtered);
     }
 }
 
 /// The Gaussian along a row.
 fn filter_row(row: &Row, filtered: &mut Windows) {
     for (plane, filtered) in row.iter().zip(filtered) {
-        let tap = |i: usize| {
-            plane[i..]
-                .first_chunk()
-                .expect("a tile and its borders fill the row")
-        };
+        let tap = |i: usize| plane[i..].first_chunk().expect("a tile and its borders fill the row");
         gaussian(std::array::from_fn(tap), filtered);
     }
 }

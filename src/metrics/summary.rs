@@ -24,16 +24,9 @@ pub struct Summary {
 impl Summary {
     /// Condenses the values of `metric`, one a frame, in any order.
     pub fn new(metric: Metric, values: impl IntoIterator<Item = Value>) -> Self {
-        let (nan, mut known): (Vec<f64>, Vec<f64>) = values
-            .into_iter()
-            .map(|value| value.0)
-            .partition(|v| v.is_nan());
+        let (nan, mut known): (Vec<f64>, Vec<f64>) = values.into_iter().map(|value| value.0).partition(|v| v.is_nan());
         known.sort_by(f64::total_cmp);
-        let finite: Vec<f64> = known
-            .iter()
-            .copied()
-            .filter(|value| value.is_finite())
-            .collect();
+        let finite: Vec<f64> = known.iter().copied().filter(|value| value.is_finite()).collect();
         Self {
             mean: Value(mean(if finite.is_empty() { &known } else { &finite })),
             min: Value(known.first().copied().unwrap_or(f64::NAN)),
@@ -88,10 +81,7 @@ mod tests {
 
     #[test]
     fn infinite_and_nan_frames_are_counted() {
-        let summary = summary(
-            Metric::Psnr,
-            &[f64::INFINITY, 20.0, f64::NAN, 40.0, f64::NAN],
-        );
+        let summary = summary(Metric::Psnr, &[f64::INFINITY, 20.0, f64::NAN, 40.0, f64::NAN]);
         assert_eq!((summary.mean, summary.min), (Value(30.0), Value(20.0)));
         assert_eq!((summary.infinite, summary.nan), (1, 2));
         // Errors 0, 1e-2 and 1e-4.
@@ -102,12 +92,7 @@ mod tests {
     #[test]
     fn perfect_sequences_stay_perfect() {
         let summary = summary(Metric::Psnr, &[f64::INFINITY; 3]);
-        let all = [
-            summary.mean,
-            summary.min,
-            summary.p5,
-            summary.pooled.unwrap(),
-        ];
+        let all = [summary.mean, summary.min, summary.p5, summary.pooled.unwrap()];
         assert_eq!(all, [Value(f64::INFINITY); 4]);
         assert_eq!(summary.infinite, 3);
     }
@@ -115,12 +100,7 @@ mod tests {
     #[test]
     fn nothing_known_is_nan_not_zero() {
         let summary = summary(Metric::Psnr, &[f64::NAN]);
-        for value in [
-            summary.mean,
-            summary.min,
-            summary.p5,
-            summary.pooled.unwrap(),
-        ] {
+        for value in [summary.mean, summary.min, summary.p5, summary.pooled.unwrap()] {
             assert!(value.0.is_nan());
         }
     }

@@ -94,11 +94,7 @@ mod tests {
             f64::NEG_INFINITY,
         ] {
             let json = serde_json::to_string(&Value(number)).unwrap();
-            assert_eq!(
-                serde_json::from_str::<Value>(&json).unwrap(),
-                Value(number),
-                "{json}"
-            );
+            assert_eq!(serde_json::from_str::<Value>(&json).unwrap(), Value(number), "{json}");
         }
         assert_eq!(serde_json::to_string(&Value(f64::NAN)).unwrap(), "\"nan\"");
         assert!(serde_json::from_str::<Value>("\"nan\"").unwrap().0.is_nan());
@@ -107,13 +103,8 @@ mod tests {
 
     #[test]
     fn json_refuses_other_words() {
-        let error = serde_json::from_str::<Value>("\"infinite\"")
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("infinite") && error.contains("\"-inf\""),
-            "{error}"
-        );
+        let error = serde_json::from_str::<Value>("\"infinite\"").unwrap_err().to_string();
+        assert!(error.contains("infinite") && error.contains("\"-inf\""), "{error}");
     }
 
     #[test]

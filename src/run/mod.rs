@@ -1,12 +1,20 @@
 //! `execute(spec, sequence, gpu, observer) -> Report`: the one path from frames to numbers, used by the CLI and by the
 //! service's worker alike. Knows neither HTTP nor SQL.
 
+mod pipeline;
+mod plan;
 pub mod report;
+mod scoring;
+mod times;
 
 use crate::{
-    gpu::Gpu, image::Image, metrics::Metric, sequence::Sequence, sequence::frame::Rgb,
+    gpu::{Gpu, GpuError},
+    image::Image,
+    metrics::Metric,
+    sequence::{Sequence, SequenceError, frame::Rgb},
     taa::Precision,
 };
+use plan::Plan;
 use report::Report;
 use serde::{Deserialize, Serialize};
 
@@ -26,29 +34,40 @@ pub struct PresetSpec {
 pub struct RunSpec {
     /// Which systems.
     pub presets: Vec<PresetSpec>,
-    /// Which metrics; those that need a reference are left out where the sequence has none.
+    /// Which metrics; left out where the sequence has no reference.
     pub metrics: Vec<Metric>,
     /// How history is stored.
     pub history: Precision,
     /// Run only the first so many frames.
     pub n_frames: Option<usize>,
-    /// How often each GPU pass of a frame is timed.
+    /// How often each GPU pass of a frame is timed, 1 to 100.
     pub repeat: u32,
+}
+
+impl RunSpec {
+    /// A folder name for each preset's images: its id, and a number from the second of the same preset on.
+    pub fn folders(&self) -> Vec<String> {
+        let ids: Vec<_> = self.presets.iter().map(|spec| spec.preset.as_str()).collect();
+        ids.iter()
+            .enumerate()
+            .map(
+                |(index, id)| match ids[..index].iter().filter(|earlier| *earlier == id).count() {
+                    0 => (*id).to_owned(),
+                    n_earlier => format!("{id}-{}", n_earlier + 1),
+                },
+            )
+            .collect()
+    }
 }
 
 /// Watches a run from outside. Called from the run's own threads.
 pub trait Observer: Sync {
     /// `n_done` of `n_total` frame × preset pairs have their metrics.
     fn progress(&self, n_done: usize, n_total: usize);
-    /// Whether `output` should be called at all: reading images back costs time.
+    /// Whether `output` should be called.
     fn wants_output(&self) -> bool;
     /// The shown image of one frame of `spec.presets[preset_index]`, linear RGB.
-    fn output(
-        &self,
-        preset_index: usize,
-        frame_index: usize,
-        image: &Image<Rgb>,
-    ) -> Result<(), std::io::Error>;
+    fn output(&self, preset_index: usize, frame_index: usize, image: &Image<Rgb>) -> Result<(), std::io::Error>;
     /// Asked between frames; `true` ends the run with [`RunError::Cancelled`].
     fn cancelled(&self) -> bool;
 }
@@ -70,18 +89,28 @@ pub enum RunError {
     Cancelled,
 }
 
-/// Checks everything about `spec` that can be known without running it: preset ids, parameter names and values, and
-/// that the sequence has the inputs they need.
-pub fn validate(_spec: &RunSpec, _sequence: &Sequence) -> Result<(), RunError> {
-    todo!()
+impl From<GpuError> for RunError {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::Pass { .. } => Self::Internal(error.to_string()),
+            _ => Self::Device(error.to_string()),
+        }
+    }
 }
 
-/// Runs every preset of `spec` over `sequence`.
-pub fn execute(
-    _spec: &RunSpec,
-    _sequence: &Sequence,
-    _gpu: &Gpu,
-    _observer: &dyn Observer,
-) -> Result<Report, RunError> {
-    todo!()
+impl From<SequenceError> for RunError {
+    fn from(error: SequenceError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+/// Checks everything about `spec` that can be known without running it: preset ids, parameter names and values, and
+/// that the sequence has the inputs they need.
+pub fn validate(spec: &RunSpec, sequence: &Sequence) -> Result<(), RunError> {
+    Plan::new(spec, sequence).map(drop)
+}
+
+/// Runs every preset of `spec` over `sequence`. Decoding, the GPU and the metrics overlap; frames arrive in order.
+pub fn execute(spec: &RunSpec, sequence: &Sequence, gpu: &Gpu, observer: &dyn Observer) -> Result<Report, RunError> {
+    pipeline::run(&Plan::new(spec, sequence)?, spec.history, sequence, gpu, observer)
 }

@@ -24,6 +24,14 @@ pub struct Report {
     pub reports: Vec<PresetReport>,
 }
 
+impl Report {
+    /// Whether every pixel of every output and reference was finite. A run that is not has failed.
+    pub fn is_finite(&self) -> bool {
+        let mut frames = self.reports.iter().flat_map(|preset| &preset.frames);
+        frames.all(|frame| frame.non_finite_pixels == 0)
+    }
+}
+
 /// The sequence a report speaks of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SequenceInfo {

@@ -117,7 +117,9 @@ pub fn extract(archive: &Path, into: &Path, limits: Limits) -> Result<(), Archiv
         archive,
         folder: staging.path(),
         limits,
-        n_bytes_left: limits.max_bytes.min(n_archive_bytes.saturating_mul(limits.max_expansion)),
+        n_bytes_left: limits
+            .max_bytes
+            .min(n_archive_bytes.saturating_mul(limits.max_expansion)),
         n_entries: 0,
     };
     match format.ok_or_else(|| ArchiveError::Format(archive.to_owned()))? {
@@ -135,7 +137,11 @@ fn find_manifest(top: &Path) -> Option<PathBuf> {
     if has_manifest(top) {
         return Some(top.to_owned());
     }
-    let mut folders = fs::read_dir(top).ok()?.flatten().map(|entry| entry.path()).filter(|path| path.is_dir());
+    let mut folders = fs::read_dir(top)
+        .ok()?
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_dir());
     let only = folders.next().filter(|folder| has_manifest(folder))?;
     folders.next().is_none().then_some(only)
 }
@@ -164,7 +170,9 @@ impl<R: Read> Read for Metered<'_, R> {
         if self.allowance.get() == 0 && !buffer.is_empty() {
             return Err(io::Error::other("expands too far"));
         }
-        let n = buffer.len().min(usize::try_from(self.allowance.get()).unwrap_or(usize::MAX));
+        let n = buffer
+            .len()
+            .min(usize::try_from(self.allowance.get()).unwrap_or(usize::MAX));
         let n = self.inner.read(&mut buffer[..n])?;
         self.allowance.set(self.allowance.get() - n as u64);
         Ok(n)
@@ -204,7 +212,9 @@ impl Unpacker<'_> {
                 tar::EntryType::Directory => self.directory(&name)?,
                 // Comments for the whole archive, as git writes them.
                 tar::EntryType::XGlobalHeader => {}
-                _ => return Err(self.refused(&name, "is a link or a device; only files and folders are allowed")),
+                _ => {
+                    return Err(self.refused(&name, "is a link or a device; only files and folders are allowed"));
+                }
             }
         }
     }
@@ -261,7 +271,11 @@ impl Unpacker<'_> {
             _ => self.refused(name, error),
         })?;
         self.n_bytes_left = self.n_bytes_left.checked_sub(n_bytes).ok_or_else(|| {
-            let Limits { max_bytes, max_expansion, .. } = self.limits;
+            let Limits {
+                max_bytes,
+                max_expansion,
+                ..
+            } = self.limits;
             self.refused(
                 name,
                 format!("expands too far: at most {max_bytes} bytes and {max_expansion} times the archive are allowed"),

@@ -36,7 +36,9 @@ impl Sequence {
             .references()
             .par_iter()
             .map(|reference| {
-                let file = self.resolve(&reference.relative).map_err(|problem| reference.failed(problem))?;
+                let file = self
+                    .resolve(&reference.relative)
+                    .map_err(|problem| reference.failed(problem))?;
                 let digest = hash_file(&file).map_err(|error| SequenceError::Io { path: file, error })?;
                 Ok(format!("\n{} {digest}", reference.relative))
             })
@@ -50,23 +52,22 @@ impl Sequence {
     /// Checks that every referenced file is there, has a readable header, the declared size and channels. Reads no
     /// pixels.
     pub fn verify_files(&self) -> Result<(), SequenceError> {
-        self.references()
-            .par_iter()
-            .try_for_each(|reference| {
-                let header = self
-                    .resolve(&reference.relative)
-                    .and_then(|file| Ok(self.reader.describe(&file)?))
-                    .map_err(|problem| reference.failed(problem))?;
-                reference.images.iter().try_for_each(|(frame, image)| {
-                    let fits = self
-                        .check_size(image.section, &reference.relative, header.extent);
-                    fits.map_err(|problem| SequenceError::Image {
-                            frame: *frame,
-                            section: image.section,
-                            problem,
-                        })
-                })
+        self.references().par_iter().try_for_each(|reference| {
+            let file = self
+                .resolve(&reference.relative)
+                .map_err(|problem| reference.failed(problem))?;
+            reference.images.iter().try_for_each(|(frame, image)| {
+                let extent = self.reader.extent(&file, image.channels);
+                extent
+                    .map_err(ImageProblem::from)
+                    .and_then(|extent| self.check_size(image.section, &reference.relative, extent))
+                    .map_err(|problem| SequenceError::Image {
+                        frame: *frame,
+                        section: image.section,
+                        problem,
+                    })
             })
+        })
     }
 
     /// Writes a tar of the manifest and the referenced files, and nothing else that lies in the folder.

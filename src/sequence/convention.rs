@@ -16,7 +16,7 @@ use super::{
     frame::Rgb,
     manifest::{JitterConvention, JitterMeaning, JitterUnits, Transfer, YAxis},
 };
-use crate::image::Extent;
+use crate::{image::Extent, metrics::srgb};
 
 /// Where a jittered frame's samples lie within their pixels: texel `(x, y)` holds the scene at
 /// `(x + 0.5, y + 0.5)` plus the result.
@@ -65,20 +65,11 @@ impl ColorDecoder {
             let value = f64::from(value);
             let linear = match self.transfer {
                 Transfer::Linear => value,
-                Transfer::Srgb => srgb_to_linear(value),
+                Transfer::Srgb => srgb::decode(value),
                 Transfer::Pq => pq_to_nits(value) / self.nits_per_unit,
             };
             (linear / self.exposure) as f32
         })
-    }
-}
-
-/// IEC 61966-2-1; values below zero continue its linear segment, values above one its curve.
-fn srgb_to_linear(value: f64) -> f64 {
-    if value > 0.04045 {
-        libm::pow((value + 0.055) / 1.055, 2.4)
-    } else {
-        value / 12.92
     }
 }
 
@@ -124,7 +115,11 @@ mod tests {
             meaning: JitterMeaning::ProjectionOffset,
             y: YAxis::Up,
         };
-        assert!(jitter_px(convention, [0.0; 2], SIZE).iter().all(|j| j.is_sign_positive()));
+        assert!(
+            jitter_px(convention, [0.0; 2], SIZE)
+                .iter()
+                .all(|j| j.is_sign_positive())
+        );
     }
 
     fn decode(transfer: Transfer, exposure: f64, value: f32) -> f32 {

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::image::{
     Extent, Image,
-    files::{Plane, Planes},
+    files::{Plane, Planes, SampleType},
 };
 use glam::DVec2;
 use std::{borrow::Cow, collections::BTreeMap};
@@ -41,14 +41,17 @@ pub(super) fn projectors(manifest: &Manifest) -> Vec<Projector> {
 struct Decoded(BTreeMap<String, (Vec<String>, Planes)>);
 
 impl Decoded {
-    fn plane(&self, entry: &FrameEntry, image: &ImageSource, channel: usize) -> &Plane {
+    fn plane(&self, entry: &FrameEntry, image: &ImageSource, channel: usize) -> (&Plane, SampleType) {
         let (names, planes) = &self.0[&Sequence::relative_path(entry, image)];
-        let position = names.iter().position(|name| *name == image.channels[channel]);
-        &planes.planes[position.expect("every wanted channel was read")]
+        let position = names
+            .iter()
+            .position(|name| *name == image.channels[channel])
+            .expect("every wanted channel was read");
+        (&planes.planes[position], planes.samples[position])
     }
 
     fn floats(&self, entry: &FrameEntry, image: &ImageSource, channel: usize) -> Cow<'_, [f32]> {
-        match self.plane(entry, image, channel) {
+        match self.plane(entry, image, channel).0 {
             Plane::F32(values) => Cow::Borrowed(values),
             Plane::U32(values) => Cow::Owned(values.iter().map(|&value| value as f32).collect()),
         }
@@ -60,7 +63,11 @@ impl Sequence {
     /// other channels; may be called from several threads.
     pub fn load(&self, index: usize, channels: Channels) -> Result<Frame, SequenceError> {
         let entry = self.entry(index)?;
-        let derives_motion = self.manifest.motion.as_ref().is_some_and(|motion| motion.invalid_value.is_some());
+        let derives_motion = self
+            .manifest
+            .motion
+            .as_ref()
+            .is_some_and(|motion| motion.invalid_value.is_some());
         let reads = Channels {
             depth: channels.depth || (channels.motion && derives_motion),
             ..channels
@@ -196,7 +203,10 @@ impl FrameFiles<'_> {
     fn sample_px(&self, i: usize) -> DVec2 {
         let width = self.sequence.render_size().width as usize;
         let jitter = self.sequence.jitter_px[self.entry.index];
-        DVec2::new((i % width) as f64 + 0.5 + jitter[0], (i / width) as f64 + 0.5 + jitter[1])
+        DVec2::new(
+            (i % width) as f64 + 0.5 + jitter[0],
+            (i / width) as f64 + 0.5 + jitter[1],
+        )
     }
 
     fn depth(&self) -> Option<Image<f32>> {
@@ -240,10 +250,16 @@ impl FrameFiles<'_> {
     fn object_id(&self) -> Option<Image<u32>> {
         let image = self.image(Section::ObjectId)?;
         let extent = self.sequence.render_size();
-        Some(match self.decoded.plane(self.entry, image, 0) {
+        let (plane, sample) = self.decoded.plane(self.entry, image, 0);
+        // Blender writes ids as floats; small integers were read as fractions of their largest value.
+        let id_of_one = match sample {
+            SampleType::U8 => 255.0,
+            SampleType::U16 => 65535.0,
+            SampleType::U32 | SampleType::F16 | SampleType::F32 => 1.0,
+        };
+        Some(match plane {
             Plane::U32(ids) => Image::from_pixels(extent, ids.clone()),
-            // Blender writes ids as floats.
-            Plane::F32(ids) => from_indices(extent, |i| ids[i].round() as u32),
+            Plane::F32(ids) => from_indices(extent, |i| (ids[i] * id_of_one).round() as u32),
         })
     }
 

@@ -207,6 +207,11 @@ impl Sequence {
         self.manifest.warmup_frames
     }
 
+    /// Whether any frame's samples lie off the pixel centres.
+    pub fn is_jittered(&self) -> bool {
+        self.jitter_px.iter().any(|jitter| *jitter != [0.0; 2])
+    }
+
     /// Which images the manifest declares besides colour.
     pub fn available(&self) -> Channels {
         let manifest = &self.manifest;
@@ -235,7 +240,8 @@ impl Sequence {
 
     /// The file behind a relative path, after following links, if that is inside the manifest's folder.
     fn resolve(&self, relative: &str) -> Result<PathBuf, ImageProblem> {
-        let path = fs::canonicalize(self.root.join(relative)).map_err(|_| ImageProblem::Missing(relative.to_owned()))?;
+        let path =
+            fs::canonicalize(self.root.join(relative)).map_err(|_| ImageProblem::Missing(relative.to_owned()))?;
         match path.starts_with(&self.root) {
             true if path.is_file() => Ok(path),
             true => Err(ImageProblem::Missing(relative.to_owned())),
@@ -254,7 +260,9 @@ fn read_manifest(path: &Path) -> Result<String, SequenceError> {
     };
     let mut text = String::new();
     let file = fs::File::open(path).map_err(failed)?;
-    file.take(MAX_MANIFEST_BYTES + 1).read_to_string(&mut text).map_err(failed)?;
+    file.take(MAX_MANIFEST_BYTES + 1)
+        .read_to_string(&mut text)
+        .map_err(failed)?;
     if text.len() as u64 > MAX_MANIFEST_BYTES {
         return Err(failed(io::Error::other("longer than 64 MiB; this is no manifest")));
     }

@@ -58,7 +58,12 @@ impl Inputs {
             };
             let prepared = wanted
                 .iter()
-                .map(|&key| (key, Prepared::new(gpu, texture("prepared color", TextureFormat::Rgba32Float))))
+                .map(|&key| {
+                    (
+                        key,
+                        Prepared::new(gpu, texture("prepared color", TextureFormat::Rgba32Float)),
+                    )
+                })
                 .collect();
             Self {
                 extent,
@@ -94,7 +99,7 @@ impl Inputs {
         })
     }
 
-    /// Records the preparation of every colour and domain, `repeat` times each.
+    /// Records the preparation of every colour and domain wanted, in their order, `repeat` times each.
     pub fn prepare(
         &self,
         gpu: &Gpu,
@@ -110,7 +115,7 @@ impl Inputs {
                 .over(gpu, self.extent)?;
             for _ in 0..repeat {
                 encoder.clear_buffer(&prepared.repaired_texels, 0, None);
-                dispatch.record(encoder, timer.time(&prepare_label(source, domain)));
+                dispatch.record(encoder, timer.time());
             }
         }
         Ok(())
@@ -143,11 +148,6 @@ impl Inputs {
             _ => &self.color,
         }
     }
-}
-
-/// The label that preparing a colour is timed under.
-pub fn prepare_label(source: Source, domain: Domain) -> String {
-    format!("prepare {source:?} {domain:?}")
 }
 
 impl Prepared {

@@ -2,9 +2,7 @@
 
 use super::{
     Source,
-    recipe::{
-        Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Space, Weight,
-    },
+    recipe::{Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Space, Weight},
 };
 use serde::Serialize;
 

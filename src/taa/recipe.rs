@@ -217,7 +217,11 @@ impl Recipe {
             }
         };
         let window = self.variance_window;
-        check(window % 2 == 1 && (3..=31).contains(&window), "variance_window", "must be odd, 3 to 31")?;
+        check(
+            window % 2 == 1 && (3..=31).contains(&window),
+            "variance_window",
+            "must be odd, 3 to 31",
+        )?;
         check(
             self.variance_gamma > 0.0 && self.variance_gamma <= 100.0,
             "variance_gamma",
@@ -228,9 +232,21 @@ impl Recipe {
             "current_weight",
             "must be above 0, at most 1",
         )?;
-        check(unit.contains(&self.luma_feedback_lo), "luma_feedback_lo", "must be 0 to 1")?;
-        check(unit.contains(&self.luma_feedback_hi), "luma_feedback_hi", "must be 0 to 1")?;
-        check(self.motion_weight_from_px >= 0.0, "motion_weight_from_px", "must be at least 0")?;
+        check(
+            unit.contains(&self.luma_feedback_lo),
+            "luma_feedback_lo",
+            "must be 0 to 1",
+        )?;
+        check(
+            unit.contains(&self.luma_feedback_hi),
+            "luma_feedback_hi",
+            "must be 0 to 1",
+        )?;
+        check(
+            self.motion_weight_from_px >= 0.0,
+            "motion_weight_from_px",
+            "must be at least 0",
+        )?;
         check(
             self.motion_weight_to_px > self.motion_weight_from_px && self.motion_weight_to_px <= 1e6,
             "motion_weight_to_px",

@@ -60,7 +60,6 @@ impl Resolver {
         encoder: &mut wgpu::CommandEncoder,
         inputs: &Inputs,
         timer: &mut Timer,
-        label: &str,
         repeat: u32,
     ) -> Result<(), GpuError> {
         let [x, y] = inputs.jitter_px();
@@ -84,7 +83,7 @@ impl Resolver {
             )
             .over(gpu, inputs.extent())?;
         for _ in 0..repeat {
-            dispatch.record(encoder, timer.time(label));
+            dispatch.record(encoder, timer.time());
         }
         self.latest = next;
         Ok(())

@@ -65,9 +65,7 @@ struct HdrValues {
 }
 
 pub fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("fixtures/golden")
-        .join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/golden").join(name)
 }
 
 fn json<T: serde::de::DeserializeOwned>(name: &str) -> T {
@@ -151,11 +149,7 @@ fn hdr_pair_matches_under_every_display_transform() {
             .evaluate(&test)
             .unwrap();
         for (metric, expected) in values {
-            assert_agree(
-                &format!("{display:?}: {metric}"),
-                actual.values[metric.id()],
-                expected,
-            );
+            assert_agree(&format!("{display:?}: {metric}"), actual.values[metric.id()], expected);
         }
     }
 }
@@ -169,11 +163,7 @@ fn hdr_pair_matches_the_published_values() {
     let scores = Reference::new(&reference, Display::default(), &metrics)
         .evaluate(&test)
         .unwrap();
-    assert_agree(
-        "psnr",
-        scores.values["psnr"],
-        Value(expected("psnr_clip_srgb")),
-    );
+    assert_agree("psnr", scores.values["psnr"], Value(expected("psnr_clip_srgb")));
     let linear_db = Value(-10.0 * libm::log10(expected("mse")));
     assert_agree("psnr.linear", scores.values["psnr.linear"], linear_db);
 }

@@ -43,12 +43,19 @@ fn difference(recipe: &Recipe, precision: Precision, extent: Extent, n_frames: u
     let frames = || (0..n_frames).map(|index| frame(extent, index));
     for (frame, (shown, n_repaired)) in frames().zip(resolve_on_gpu(recipe, precision, frames())) {
         let expected = twin.resolve(&frame);
-        assert_eq!(n_repaired, expected.repaired_texels, "repaired texels of frame {}", frame.index);
+        assert_eq!(
+            n_repaired, expected.repaired_texels,
+            "repaired texels of frame {}",
+            frame.index
+        );
         for (a, b) in shown.pixels().iter().zip(expected.shown.pixels()) {
             let display = |x: f64| x / (1.0 + x);
             let worst = (0..3)
                 .map(|i| (display(f64::from(a[i])) - display(b[i])).abs())
-                .fold(0.0, |worst, d| if d.is_nan() { f64::INFINITY } else { f64::max(worst, d) });
+                .fold(
+                    0.0,
+                    |worst, d| if d.is_nan() { f64::INFINITY } else { f64::max(worst, d) },
+                );
             n += 1;
             max = max.max(worst);
             if worst > MAX_DIFFERENCE {
@@ -150,7 +157,10 @@ fn a_constant_image_is_a_fixed_point_of_every_preset() {
             let frames = (0..40).map(|index| still(extent, index, |_, _| [0.25, 0.5, 2.0]));
             let (shown, _) = resolve_on_gpu(&preset.recipe, precision, frames).pop().unwrap();
             let worst = shown.pixels().iter().fold(0.0_f32, |worst, c| {
-                worst.max((c[0] - 0.25).abs()).max((c[1] - 0.5).abs()).max((c[2] - 2.0).abs() / 4.0)
+                worst
+                    .max((c[0] - 0.25).abs())
+                    .max((c[1] - 0.5).abs())
+                    .max((c[2] - 2.0).abs() / 4.0)
             });
             assert!(worst <= 2e-3, "{} {precision:?}: off by {worst}", preset.id);
         }
@@ -166,7 +176,12 @@ fn static_noise_settles_at_the_variance_that_theory_gives() {
     let (shown, _) = resolve_on_gpu(&recipe, Precision::F32, frames).pop().unwrap();
     let n = extent.n_pixels() as f64;
     let mean = shown.pixels().iter().map(|c| f64::from(c[0])).sum::<f64>() / n;
-    let variance = shown.pixels().iter().map(|c| (f64::from(c[0]) - mean).powi(2)).sum::<f64>() / n;
+    let variance = shown
+        .pixels()
+        .iter()
+        .map(|c| (f64::from(c[0]) - mean).powi(2))
+        .sum::<f64>()
+        / n;
     let ratio = variance / (1.0 / 12.0) / (0.1 / 1.9);
     assert!((0.9..1.1).contains(&ratio), "variance is {ratio} of theory's");
 }
@@ -191,12 +206,20 @@ fn a_hostile_texel_does_not_spread() {
     for preset in &PRESETS {
         let frames = (0..4).map(|index| {
             still(extent, index, |x, y| {
-                if (x, y, index) == (8, 8, 1) { [f32::NAN; 3] } else { [0.5; 3] }
+                if (x, y, index) == (8, 8, 1) {
+                    [f32::NAN; 3]
+                } else {
+                    [0.5; 3]
+                }
             })
         });
         let shown = resolve_on_gpu(&preset.recipe, Precision::F16, frames);
         assert_eq!(shown[1].1, 1, "one texel was repaired");
-        assert!(shown.iter().all(|(image, _)| image.pixels().iter().flatten().all(|v| v.is_finite())));
+        assert!(
+            shown
+                .iter()
+                .all(|(image, _)| image.pixels().iter().flatten().all(|v| v.is_finite()))
+        );
         let far = shown[3].0.at(2, 2);
         assert!((far[0] - 0.5).abs() < 1e-3, "{}: {far:?}", preset.id);
     }

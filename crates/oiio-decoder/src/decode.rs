@@ -1,9 +1,7 @@
 //! Answers requests: describes files, and writes planes into the shared file.
 
 use crate::oiio::{BaseType, Input, Oiio, PartSpec, Sample};
-use crate::protocol::{
-    Channel, Format, Header, Part, PlaneRequest, Reply, Request, SampleType, Settings, Window,
-};
+use crate::protocol::{Channel, Format, Header, Part, PlaneRequest, Reply, Request, SampleType, Settings, Window};
 use memmap2::MmapMut;
 use std::ffi::CStr;
 use std::fs::File;
@@ -36,11 +34,7 @@ impl Decoder {
                 .open(path, reader(*format))
                 .and_then(|mut input| describe(&mut input))
                 .map(Reply::Header),
-            Request::Read {
-                path,
-                format,
-                planes,
-            } => self
+            Request::Read { path, format, planes } => self
                 .oiio
                 .open(path, reader(*format))
                 .and_then(|mut input| read(&mut input, planes, &self.pixels))
@@ -121,10 +115,7 @@ fn read(input: &mut Input<'_>, planes: &[PlaneRequest], pixels: &File) -> Result
     let mut rest = &mut map[..];
     let mut targets = Vec::with_capacity(planes.len());
     for plane in planes {
-        let n_bytes = plane
-            .n_pixels
-            .checked_mul(4)
-            .ok_or("a plane that is too large")?;
+        let n_bytes = plane.n_pixels.checked_mul(4).ok_or("a plane that is too large")?;
         let (target, after) = rest
             .split_at_mut_checked(n_bytes)
             .ok_or("the shared file is too short")?;
@@ -134,8 +125,7 @@ fn read(input: &mut Input<'_>, planes: &[PlaneRequest], pixels: &File) -> Result
     // Channels are decoded in contiguous ranges, and reading again decompresses again: one range a part and kind.
     while let Some((first, _)) = targets.first() {
         let first = *first;
-        let same =
-            |plane: &PlaneRequest| (plane.part, plane.integer) == (first.part, first.integer);
+        let same = |plane: &PlaneRequest| (plane.part, plane.integer) == (first.part, first.integer);
         let (group, others) = targets.into_iter().partition(|(plane, _)| same(plane));
         read_group(input, group)?;
         targets = others;
@@ -150,9 +140,7 @@ fn read_group(input: &mut Input<'_>, group: Vec<(PlaneRequest, &mut [u8])>) -> R
     let first_channel = i32::try_from(group[0].0.channel).map_err(|error| error.to_string())?;
     match input.channel(first_channel).1 {
         _ if group[0].0.integer => scatter(input, part, group, |value: u32| value.to_ne_bytes()),
-        Some(BaseType::U8) => scatter(input, part, group, |value: u8| {
-            (f32::from(value) / 255.0).to_ne_bytes()
-        }),
+        Some(BaseType::U8) => scatter(input, part, group, |value: u8| (f32::from(value) / 255.0).to_ne_bytes()),
         Some(BaseType::U16) => {
             let (shift, max) = significant(&spec);
             scatter(input, part, group, |value: u16| {
@@ -186,10 +174,7 @@ fn scatter<T: Sample>(
     let index = |channel: usize| i32::try_from(channel).map_err(|error| error.to_string());
     let samples: Vec<T> = input.read(part, index(begin)?, index(end)?, n_pixels)?;
     for (plane, target) in group {
-        let column = samples
-            .iter()
-            .skip(plane.channel - begin)
-            .step_by(end - begin);
+        let column = samples.iter().skip(plane.channel - begin).step_by(end - begin);
         target
             .as_chunks_mut()
             .0

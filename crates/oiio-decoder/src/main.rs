@@ -26,9 +26,7 @@ fn main() -> ExitCode {
 }
 
 fn start() -> Result<(), Box<dyn std::error::Error>> {
-    let argument = std::env::args()
-        .nth(1)
-        .ok_or("is started by afterimage, not by hand")?;
+    let argument = std::env::args().nth(1).ok_or("is started by afterimage, not by hand")?;
     let settings: Settings = serde_json::from_str(&argument)?;
     let limit = Some(settings.memory_bytes);
     setrlimit(
@@ -48,19 +46,14 @@ fn start() -> Result<(), Box<dyn std::error::Error>> {
     )?;
 
     let (sender, requests) = channel::<String>();
-    let pixels = std::fs::File::options()
-        .read(true)
-        .write(true)
-        .open(&settings.pixels)?;
+    let pixels = std::fs::File::options().read(true).write(true).open(&settings.pixels)?;
     thread::spawn(move || {
         let mut decoder = Decoder::new(&settings, pixels);
         let said = say(&Reply::Ready).and_then(|()| {
             requests.iter().try_for_each(|line| {
                 let reply = match serde_json::from_str::<Request>(&line) {
                     Ok(request) => decoder.answer(&request),
-                    Err(error) => {
-                        Reply::Error(format!("the request is of another version: {error}"))
-                    }
+                    Err(error) => Reply::Error(format!("the request is of another version: {error}")),
                 };
                 say(&reply)
             })

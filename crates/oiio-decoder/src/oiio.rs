@@ -20,16 +20,9 @@ pub enum BaseType {
 
 impl BaseType {
     fn from_raw(raw: i32) -> Option<Self> {
-        [
-            Self::U8,
-            Self::U16,
-            Self::U32,
-            Self::F16,
-            Self::F32,
-            Self::F64,
-        ]
-        .into_iter()
-        .find(|base| *base as i32 == raw)
+        [Self::U8, Self::U16, Self::U32, Self::F16, Self::F32, Self::F64]
+            .into_iter()
+            .find(|base| *base as i32 == raw)
     }
 }
 
@@ -62,14 +55,7 @@ unsafe extern "C" {
     fn shim_part_name(input: *mut RawInput) -> *const c_char;
     fn shim_channel_name(input: *mut RawInput, channel: i32) -> *const c_char;
     fn shim_channel_type(input: *mut RawInput, channel: i32) -> i32;
-    fn shim_read(
-        input: *mut RawInput,
-        part: i32,
-        begin: i32,
-        end: i32,
-        base: i32,
-        out: *mut c_void,
-    ) -> i32;
+    fn shim_read(input: *mut RawInput, part: i32, begin: i32, end: i32, base: i32, out: *mut c_void) -> i32;
 }
 
 /// OpenImageIO's global settings. Not `Send`, so that all inputs stay on the thread that made it: the shim keeps one
@@ -90,8 +76,7 @@ impl Oiio {
 
     /// Opens a file with the reader called `format` and no other.
     pub fn open(&self, path: &Path, format: &CStr) -> Result<Input<'_>, String> {
-        let path =
-            CString::new(path.as_os_str().as_bytes()).map_err(|_| "its path holds a zero byte")?;
+        let path = CString::new(path.as_os_str().as_bytes()).map_err(|_| "its path holds a zero byte")?;
         // SAFETY: both strings end with zero and outlive the call.
         let raw = unsafe { shim_open(path.as_ptr(), format.as_ptr()) };
         NonNull::new(raw)
@@ -112,9 +97,7 @@ impl Input<'_> {
         let mut spec = PartSpec::default();
         // SAFETY: the input is open and `spec` is a `PartSpec` that may be written.
         match unsafe { shim_part(self.raw.as_ptr(), part, &mut spec) } {
-            0 => Some(error())
-                .filter(|error| !error.is_empty())
-                .map_or(Ok(None), Err),
+            0 => Some(error()).filter(|error| !error.is_empty()).map_or(Ok(None), Err),
             _ => Ok(Some(spec)),
         }
     }
@@ -132,24 +115,14 @@ impl Input<'_> {
             let name = shim_channel_name(self.raw.as_ptr(), channel);
             let base = shim_channel_type(self.raw.as_ptr(), channel);
             (
-                if name.is_null() {
-                    String::new()
-                } else {
-                    copied(name)
-                },
+                if name.is_null() { String::new() } else { copied(name) },
                 BaseType::from_raw(base),
             )
         }
     }
 
     /// Channels `begin..end` of a part of `n_pixels`, interleaved, as `base`, which must have the size of `T`.
-    pub fn read<T: Sample>(
-        &mut self,
-        part: i32,
-        begin: i32,
-        end: i32,
-        n_pixels: usize,
-    ) -> Result<Vec<T>, String> {
+    pub fn read<T: Sample>(&mut self, part: i32, begin: i32, end: i32, n_pixels: usize) -> Result<Vec<T>, String> {
         let spec = self.part(part)?.ok_or("it has fewer parts than before")?;
         let same_size = i64::from(spec.data[2]) * i64::from(spec.data[3]) == n_pixels as i64;
         if spec.is_flat == 0 || !same_size || begin < 0 || begin >= end || end > spec.n_channels {
@@ -206,7 +179,5 @@ fn error() -> String {
 /// `string` ends with zero and lives during the call.
 unsafe fn copied(string: *const c_char) -> String {
     // SAFETY: as the caller promises.
-    unsafe { CStr::from_ptr(string) }
-        .to_string_lossy()
-        .into_owned()
+    unsafe { CStr::from_ptr(string) }.to_string_lossy().into_owned()
 }

@@ -67,31 +67,21 @@ impl Decoder {
             path: absolute(path)?,
             format,
         };
-        self.with_worker(path, |worker| {
-            match worker.ask(path, &request, self.timeout)? {
-                Reply::Header(header) if !header.parts.is_empty() => Ok(header),
-                reply => Err(worker.unexpected(path, &reply)),
-            }
+        self.with_worker(path, |worker| match worker.ask(path, &request, self.timeout)? {
+            Reply::Header(header) if !header.parts.is_empty() => Ok(header),
+            reply => Err(worker.unexpected(path, &reply)),
         })
     }
 
     /// The planes of the data windows. Their sizes must have passed the limits.
-    pub fn read(
-        &self,
-        path: &Path,
-        format: Format,
-        wanted: &[PlaneRequest],
-    ) -> Result<Vec<Plane>, ImageError> {
+    pub fn read(&self, path: &Path, format: Format, wanted: &[PlaneRequest]) -> Result<Vec<Plane>, ImageError> {
         let request = Request::Read {
             path: absolute(path)?,
             format,
             planes: wanted.to_vec(),
         };
         self.with_worker(path, |worker| {
-            let n_bytes = 4 * wanted
-                .iter()
-                .map(|plane| plane.n_pixels as u64)
-                .sum::<u64>();
+            let n_bytes = 4 * wanted.iter().map(|plane| plane.n_pixels as u64).sum::<u64>();
             // Reserved, not only sized: a worker that writes to a full memory file system dies of a bus error.
             fallocate(&worker.pixels, FallocateFlags::empty(), 0, n_bytes.max(1))
                 .map_err(|error| ImageError::io(path)(error.into()))?;
@@ -109,12 +99,10 @@ impl Decoder {
         ask: impl FnOnce(&mut Worker) -> Result<T, ImageError>,
     ) -> Result<T, ImageError> {
         let mut kept = self.lock();
-        let living = kept
-            .take()
-            .and_then(|mut worker| match worker.process.try_wait() {
-                Ok(None) => Some(worker),
-                _ => None,
-            });
+        let living = kept.take().and_then(|mut worker| match worker.process.try_wait() {
+            Ok(None) => Some(worker),
+            _ => None,
+        });
         let mut worker = living.map_or_else(|| self.start(path), Ok)?;
         let done = ask(&mut worker);
         if matches!(done, Ok(_) | Err(ImageError::Damaged { .. })) {
@@ -124,21 +112,16 @@ impl Decoder {
     }
 
     fn start(&self, path: &Path) -> Result<Worker, ImageError> {
-        let missing = || ImageError::DecoderMissing {
-            path: path.to_owned(),
-        };
+        let missing = || ImageError::DecoderMissing { path: path.to_owned() };
         let program = self.program.clone().ok_or_else(missing)?;
         let pixels = shared_file(self.max_bytes).map_err(ImageError::io(path))?;
         let settings = Settings {
             pixels: pixels.path().to_owned(),
             // The shared planes, the decoder's own image, and what it decompresses from.
             memory_bytes: LIBRARIES_BYTES + 8 * self.max_bytes,
-            image_mib: u32::try_from(self.max_bytes >> 20)
-                .unwrap_or(u32::MAX)
-                .max(1),
+            image_mib: u32::try_from(self.max_bytes >> 20).unwrap_or(u32::MAX).max(1),
         };
-        let settings =
-            serde_json::to_string(&settings).map_err(|error| ImageError::io(path)(error.into()))?;
+        let settings = serde_json::to_string(&settings).map_err(|error| ImageError::io(path)(error.into()))?;
         let spawned = Command::new(&program)
             .arg(settings)
             .stdin(Stdio::piped())
@@ -182,14 +165,8 @@ struct Worker {
 }
 
 impl Worker {
-    fn ask(
-        &mut self,
-        path: &Path,
-        request: &Request,
-        timeout: Duration,
-    ) -> Result<Reply, ImageError> {
-        let mut line =
-            serde_json::to_string(request).map_err(|error| ImageError::io(path)(error.into()))?;
+    fn ask(&mut self, path: &Path, request: &Request, timeout: Duration) -> Result<Reply, ImageError> {
+        let mut line = serde_json::to_string(request).map_err(|error| ImageError::io(path)(error.into()))?;
         line.push('\n');
         if self.stdin.write_all(line.as_bytes()).is_err() {
             return Err(self.crashed(path));
@@ -199,9 +176,7 @@ impl Worker {
 
     fn reply(&mut self, path: &Path, timeout: Duration) -> Result<Reply, ImageError> {
         match self.replies.recv_timeout(timeout) {
-            Ok(line) => {
-                serde_json::from_str(&line).map_err(|error| self.version(path, error.to_string()))
-            }
+            Ok(line) => serde_json::from_str(&line).map_err(|error| self.version(path, error.to_string())),
             Err(RecvTimeoutError::Timeout) => Err(ImageError::DecoderTimeout {
                 path: path.to_owned(),
                 timeout,
@@ -245,13 +220,11 @@ impl Worker {
                 offset += 4 * plane.n_pixels as u64;
                 Ok(if plane.integer {
                     let mut samples = vec![0_u32; plane.n_pixels];
-                    self.pixels
-                        .read_exact_at(bytemuck::cast_slice_mut(&mut samples), at)?;
+                    self.pixels.read_exact_at(bytemuck::cast_slice_mut(&mut samples), at)?;
                     Plane::U32(samples)
                 } else {
                     let mut samples = vec![0_f32; plane.n_pixels];
-                    self.pixels
-                        .read_exact_at(bytemuck::cast_slice_mut(&mut samples), at)?;
+                    self.pixels.read_exact_at(bytemuck::cast_slice_mut(&mut samples), at)?;
                     Plane::F32(samples)
                 })
             })
@@ -272,9 +245,7 @@ fn lines_of(output: ChildStdout) -> Receiver<String> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
         let lines = BufReader::new(output).lines();
-        lines
-            .map_while(Result::ok)
-            .try_for_each(|line| sender.send(line))
+        lines.map_while(Result::ok).try_for_each(|line| sender.send(line))
     });
     receiver
 }
@@ -282,8 +253,7 @@ fn lines_of(output: ChildStdout) -> Receiver<String> {
 /// In memory where that has room (containers often give 64 MiB), else in the temporary folder.
 fn shared_file(max_bytes: u64) -> std::io::Result<NamedTempFile> {
     let memory = Path::new("/dev/shm");
-    let has_room =
-        statvfs(memory).is_ok_and(|fs| fs.f_bavail.saturating_mul(fs.f_frsize) >= 4 * max_bytes);
+    let has_room = statvfs(memory).is_ok_and(|fs| fs.f_bavail.saturating_mul(fs.f_frsize) >= 4 * max_bytes);
     let in_memory = iter::once(memory)
         .filter(|_| has_room)
         .find_map(|folder| NamedTempFile::new_in(folder).ok());

@@ -50,8 +50,7 @@ pub(super) fn read(
         }
         let chunks = reader
             .filter_chunks(false, |_, tile, block| {
-                tile.is_largest_resolution_level()
-                    && wanted.iter().any(|plane| plane.part == block.layer)
+                tile.is_largest_resolution_level() && wanted.iter().any(|plane| plane.part == block.layer)
             })
             .map_err(damaged(path))?;
         let meta = chunks.meta_data().clone();
@@ -67,8 +66,7 @@ pub(super) fn read(
 
 /// The crate indexes and asserts on what a damaged file claims; a panic there is that file's error, not ours.
 fn guard<T>(path: &Path, read: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
-    catch_unwind(AssertUnwindSafe(read))
-        .unwrap_or_else(|_| Err(ImageError::damaged(path, "the decoder gave up")))
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(ImageError::damaged(path, "the decoder gave up")))
 }
 
 fn open<'f>(path: &Path, file: &'f File) -> Result<Reader<BufReader<&'f File>>, ImageError> {
@@ -91,10 +89,7 @@ fn part(header: &ExrHeader) -> Result<Part, String> {
     let own = &header.own_attributes;
     match header.compression {
         _ if header.deep => return Err("deep data".into()),
-        dwa @ (Compression::DWAA(_)
-        | Compression::DWAB(_)
-        | Compression::HTJ2K32
-        | Compression::HTJ2K256) => {
+        dwa @ (Compression::DWAA(_) | Compression::DWAB(_) | Compression::HTJ2K32 | Compression::HTJ2K256) => {
             return Err(dwa.to_string());
         }
         _ => {}
@@ -109,11 +104,7 @@ fn part(header: &ExrHeader) -> Result<Part, String> {
     }
     let display = header.shared_attributes.display_window;
     Ok(Part {
-        name: own
-            .layer_name
-            .as_ref()
-            .map(ToString::to_string)
-            .unwrap_or_default(),
+        name: own.layer_name.as_ref().map(ToString::to_string).unwrap_or_default(),
         data: window(own.layer_position, header.layer_size)?,
         display: window(display.position, display.size)?,
         channels: header.channels.list.iter().map(channel).collect(),
@@ -131,12 +122,8 @@ fn channel(channel: &attribute::ChannelDescription) -> Channel {
     }
 }
 
-fn window(
-    position: ::exr::math::Vec2<i32>,
-    size: ::exr::math::Vec2<usize>,
-) -> Result<Window, String> {
-    let side =
-        |length: usize| u32::try_from(length).map_err(|_| format!("a side of {length} pixels"));
+fn window(position: ::exr::math::Vec2<i32>, size: ::exr::math::Vec2<usize>) -> Result<Window, String> {
+    let side = |length: usize| u32::try_from(length).map_err(|_| format!("a side of {length} pixels"));
     Ok(Window {
         x: position.x(),
         y: position.y(),
@@ -180,19 +167,13 @@ impl DecodedBlock {
         let block = UncompressedBlock::decompress_chunk(chunk, meta, false)?;
         let part = block.index.layer;
         let channels = &meta.headers[part].channels;
-        let (width, height) = (
-            block.index.pixel_size.width(),
-            block.index.pixel_size.height(),
-        );
+        let (width, height) = (block.index.pixel_size.width(), block.index.pixel_size.height());
         let planes = wanted
             .iter()
             .enumerate()
             .filter(|(_, plane)| plane.part == part)
             .map(|(index, plane)| {
-                let before: usize = channels.list[..plane.channel]
-                    .iter()
-                    .map(bytes_per_sample)
-                    .sum();
+                let before: usize = channels.list[..plane.channel].iter().map(bytes_per_sample).sum();
                 let sample_type = channels.list[plane.channel].sample_type;
                 let row_bytes = width * channels.bytes_per_pixel;
                 let start = width * before;
@@ -217,49 +198,23 @@ fn bytes_per_sample(channel: &attribute::ChannelDescription) -> usize {
 }
 
 /// Decompressed samples are in native byte order, in no particular alignment.
-fn samples<'d>(
-    kind: attribute::SampleType,
-    lines: impl Iterator<Item = &'d [u8]>,
-    n_samples: usize,
-) -> Plane {
+fn samples<'d>(kind: attribute::SampleType, lines: impl Iterator<Item = &'d [u8]>, n_samples: usize) -> Plane {
     match kind {
         attribute::SampleType::U32 => {
             let mut samples = Vec::with_capacity(n_samples);
-            lines.for_each(|line| {
-                samples.extend(
-                    line.as_chunks()
-                        .0
-                        .iter()
-                        .map(|&bytes| u32::from_ne_bytes(bytes)),
-                )
-            });
+            lines.for_each(|line| samples.extend(line.as_chunks().0.iter().map(|&bytes| u32::from_ne_bytes(bytes))));
             Plane::U32(samples)
         }
         attribute::SampleType::F32 => {
             let mut samples = Vec::with_capacity(n_samples);
-            lines.for_each(|line| {
-                samples.extend(
-                    line.as_chunks()
-                        .0
-                        .iter()
-                        .map(|&bytes| f32::from_ne_bytes(bytes)),
-                )
-            });
+            lines.for_each(|line| samples.extend(line.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes))));
             Plane::F32(samples)
         }
         attribute::SampleType::F16 => {
             let mut bits = Vec::with_capacity(n_samples);
-            lines.for_each(|line| {
-                bits.extend(
-                    line.as_chunks()
-                        .0
-                        .iter()
-                        .map(|&bytes| u16::from_ne_bytes(bytes)),
-                )
-            });
+            lines.for_each(|line| bits.extend(line.as_chunks().0.iter().map(|&bytes| u16::from_ne_bytes(bytes))));
             let mut samples = vec![0.0; bits.len()];
-            bits.reinterpret_cast::<half::f16>()
-                .convert_to_f32_slice(&mut samples);
+            bits.reinterpret_cast::<half::f16>().convert_to_f32_slice(&mut samples);
             Plane::F32(samples)
         }
     }
@@ -292,11 +247,7 @@ fn assemble(
     Ok(planes)
 }
 
-fn copy_block<T: Copy>(
-    plane: &mut [T],
-    samples: &[T],
-    (x, y, width, part_width): (usize, usize, usize, usize),
-) {
+fn copy_block<T: Copy>(plane: &mut [T], samples: &[T], (x, y, width, part_width): (usize, usize, usize, usize)) {
     for (row, line) in samples.chunks_exact(width).enumerate() {
         plane[(y + row) * part_width + x..][..width].copy_from_slice(line);
     }

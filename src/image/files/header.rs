@@ -101,13 +101,7 @@ impl Header {
             let name = self.parts[part].full_name(channel);
             name.strip_suffix(".R").map(str::to_owned)
         });
-        let found = match (
-            at_top("R"),
-            at_top("G"),
-            at_top("B"),
-            layers.next(),
-            layers.next(),
-        ) {
+        let found = match (at_top("R"), at_top("G"), at_top("B"), layers.next(), layers.next()) {
             (Some(r), Some(g), Some(b), ..) => Some([r, g, b]),
             (.., Some(layer), None) => {
                 let rgb = ["R", "G", "B"].map(|name| self.locate(path, &format!("{layer}.{name}")));
@@ -126,12 +120,7 @@ impl Header {
     }
 
     /// Refuses what would take too much memory or time, before anything is allocated for it.
-    pub(super) fn check(
-        &self,
-        path: &Path,
-        file_bytes: u64,
-        limits: &Limits,
-    ) -> Result<(), ImageError> {
+    pub(super) fn check(&self, path: &Path, file_bytes: u64, limits: &Limits) -> Result<(), ImageError> {
         let refuse = |what| {
             Err(ImageError::TooLarge {
                 path: path.to_owned(),
@@ -144,10 +133,7 @@ impl Header {
             for window in [part.data, part.display] {
                 let extent = window.extent();
                 if extent.width == 0 || extent.height == 0 {
-                    return Err(ImageError::damaged(
-                        path,
-                        format!("claims to be {extent} pixels"),
-                    ));
+                    return Err(ImageError::damaged(path, format!("claims to be {extent} pixels")));
                 }
                 if extent.width > max_side || extent.height > max_side {
                     return refuse(format!(
@@ -155,11 +141,7 @@ impl Header {
                     ));
                 }
             }
-            let pixel_bytes: u64 = part
-                .channels
-                .iter()
-                .map(|channel| channel.sample.n_bytes())
-                .sum();
+            let pixel_bytes: u64 = part.channels.iter().map(|channel| channel.sample.n_bytes()).sum();
             stored_bytes += pixel_bytes * part.data.extent().n_pixels() as u64;
             canvas_bytes += pixel_bytes * part.display.extent().n_pixels() as u64;
         }
@@ -172,9 +154,7 @@ impl Header {
         }
         let (mib, max_mib) = (stored_bytes.max(canvas_bytes) >> 20, limits.max_bytes >> 20);
         if stored_bytes.max(canvas_bytes) > limits.max_bytes {
-            return refuse(format!(
-                "claims {mib} MiB of pixels; at most {max_mib} MiB are read"
-            ));
+            return refuse(format!("claims {mib} MiB of pixels; at most {max_mib} MiB are read"));
         }
         if stored_bytes > file_bytes.saturating_mul(limits.max_expansion) {
             return refuse(format!(
@@ -207,11 +187,7 @@ impl Header {
             let near = |name: &str| strsim::normalized_damerau_levenshtein(name, wanted);
             near(b).total_cmp(&near(a))
         });
-        let listed: Vec<String> = names
-            .iter()
-            .take(N_LISTED)
-            .map(|name| format!("`{name}`"))
-            .collect();
+        let listed: Vec<String> = names.iter().take(N_LISTED).map(|name| format!("`{name}`")).collect();
         match names.len().saturating_sub(N_LISTED) {
             0 => listed.join(", "),
             n_more => format!("{} and {n_more} more", listed.join(", ")),
@@ -259,12 +235,7 @@ mod tests {
     use super::*;
 
     fn window(x: i32, y: i32, width: u32, height: u32) -> Window {
-        Window {
-            x,
-            y,
-            width,
-            height,
-        }
+        Window { x, y, width, height }
     }
 
     fn header(parts: &[(&str, &[&str])]) -> Header {
@@ -296,10 +267,7 @@ mod tests {
         assert_eq!(plane(window(-1, -1, 2, 2), window(0, 0, 1, 1)), [4]);
         assert_eq!(plane(window(-1, 0, 2, 2), window(0, 0, 2, 2)), [2, 0, 4, 0]);
         assert_eq!(plane(window(7, 0, 2, 2), window(0, 0, 2, 1)), [0, 0]);
-        assert_eq!(
-            plane(window(i32::MIN, 0, 2, 2), window(i32::MAX - 1, 0, 1, 1)),
-            [0]
-        );
+        assert_eq!(plane(window(i32::MIN, 0, 2, 2), window(i32::MAX - 1, 0, 1, 1)), [0]);
     }
 
     #[test]
@@ -309,17 +277,8 @@ mod tests {
             ("ViewLayer.Depth", &["ViewLayer.Depth.Z"]),
             ("beauty", &["R", "G", "B"]),
         ]);
-        assert_eq!(
-            blender
-                .locate(path, "ViewLayer.Depth.Z")
-                .expect("by name")
-                .part,
-            0
-        );
-        assert_eq!(
-            blender.locate(path, "beauty.G").expect("by part").channel,
-            1
-        );
+        assert_eq!(blender.locate(path, "ViewLayer.Depth.Z").expect("by name").part, 0);
+        assert_eq!(blender.locate(path, "beauty.G").expect("by part").channel, 1);
         let message = blender
             .locate(path, "ViewLayer.Depth.V")
             .expect_err("wrong")
@@ -333,11 +292,7 @@ mod tests {
     #[test]
     fn red_green_blue_are_taken_only_where_there_is_no_doubt() {
         let path = Path::new("a.exr");
-        let channels = |header: &Header| {
-            header
-                .locate_rgb(path)
-                .map(|rgb| rgb.map(|plane| plane.channel))
-        };
+        let channels = |header: &Header| header.locate_rgb(path).map(|rgb| rgb.map(|plane| plane.channel));
         assert_eq!(
             channels(&header(&[("", &["A", "B", "G", "R", "x.R"])])).expect("plain"),
             [3, 2, 1]
@@ -347,13 +302,7 @@ mod tests {
             [2, 1, 0]
         );
         assert_eq!(channels(&header(&[("", &["Y"])])).expect("grey"), [0, 0, 0]);
-        assert!(
-            channels(&header(&[(
-                "",
-                &["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"]
-            )]))
-            .is_err()
-        );
+        assert!(channels(&header(&[("", &["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"])])).is_err());
         assert!(channels(&header(&[("", &["Z"])])).is_err());
     }
 

@@ -83,6 +83,8 @@ pub struct Planes {
     pub extent: Extent,
     /// One a channel, in the order asked.
     pub planes: Vec<Plane>,
+    /// How each plane's samples are stored.
+    pub samples: Vec<SampleType>,
 }
 
 /// Red, green and blue of a file.
@@ -137,18 +139,22 @@ impl FileReader {
         let mut source = Source::open(path)?;
         self.dispatch(&mut source, |source, by| {
             let header = self.header(source, by)?;
-            let wanted: Result<Vec<_>, _> = channels
-                .iter()
-                .map(|name| header.locate(path, name))
-                .collect();
+            let wanted: Result<Vec<_>, _> = channels.iter().map(|name| header.locate(path, name)).collect();
             self.planes(source, by, &header, &wanted?)
         })
     }
 
     /// Parts, channels, types and windows, without decoding any pixel.
     pub fn describe(&self, path: &Path) -> Result<Header, ImageError> {
+        self.dispatch(&mut Source::open(path)?, |source, by| self.header(source, by))
+    }
+
+    /// The size that [`Self::read`] would give the same channels, without decoding any pixel.
+    pub fn extent(&self, path: &Path, channels: &[String]) -> Result<Extent, ImageError> {
         self.dispatch(&mut Source::open(path)?, |source, by| {
-            self.header(source, by)
+            let header = self.header(source, by)?;
+            let wanted: Result<Vec<_>, _> = channels.iter().map(|name| header.locate(path, name)).collect();
+            Ok(common_display_window(path, &header, &wanted?)?.extent())
         })
     }
 
@@ -219,6 +225,10 @@ impl FileReader {
             planes: placed
                 .map(|(plane, at)| header::place(plane, header.parts[at.part].data, display))
                 .collect(),
+            samples: wanted
+                .iter()
+                .map(|at| header.parts[at.part].channels[at.channel].sample)
+                .collect(),
         })
     }
 }
@@ -232,9 +242,7 @@ impl<'a> Source<'a> {
             .take(16)
             .read_to_end(&mut start)
             .map_err(ImageError::io(path))?;
-        let format = Format::sniff(&start).ok_or_else(|| ImageError::UnknownFormat {
-            path: path.to_owned(),
-        })?;
+        let format = Format::sniff(&start).ok_or_else(|| ImageError::UnknownFormat { path: path.to_owned() })?;
         Ok(Self {
             path,
             file,
@@ -244,16 +252,8 @@ impl<'a> Source<'a> {
     }
 }
 
-fn common_display_window(
-    path: &Path,
-    header: &Header,
-    wanted: &[PlaneRequest],
-) -> Result<Window, ImageError> {
-    let name = |plane: &PlaneRequest| {
-        header.parts[plane.part].channels[plane.channel]
-            .name
-            .clone()
-    };
+fn common_display_window(path: &Path, header: &Header, wanted: &[PlaneRequest]) -> Result<Window, ImageError> {
+    let name = |plane: &PlaneRequest| header.parts[plane.part].channels[plane.channel].name.clone();
     let window = |plane: &PlaneRequest| header.parts[plane.part].display;
     let Some(first) = wanted.first() else {
         return Ok(header.parts[0].display);
@@ -274,12 +274,7 @@ fn interleave(path: &Path, planes: Planes, sample: SampleType) -> Result<RgbFile
     let [Plane::F32(r), Plane::F32(g), Plane::F32(b)] = &planes.planes[..] else {
         return Err(ImageError::unsupported(path, "colour in 32-bit integers"));
     };
-    let pixels = r
-        .iter()
-        .zip(g)
-        .zip(b)
-        .map(|((&r, &g), &b)| [r, g, b])
-        .collect();
+    let pixels = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect();
     Ok(RgbFile {
         image: Image::from_pixels(planes.extent, pixels),
         sample,

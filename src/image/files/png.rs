@@ -5,9 +5,7 @@ use super::save::atomically;
 use super::{ImageError, Limits, Plane};
 use crate::image::Image;
 use ::image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
-use ::image::{
-    ColorType, ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageError as PngError,
-};
+use ::image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder as _, ImageError as PngError};
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::Path;
@@ -20,8 +18,7 @@ pub fn write_png(path: &Path, image: &Image<[u8; 3]>) -> Result<(), ImageError> 
 /// The bytes of a PNG file, for sending; see [`write_png`].
 pub fn encode_png(image: &Image<[u8; 3]>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    encode_to(&mut bytes, image)
-        .expect("memory can be written, and an image has as many pixels as its extent says");
+    encode_to(&mut bytes, image).expect("memory can be written, and an image has as many pixels as its extent says");
     bytes
 }
 
@@ -70,11 +67,9 @@ pub(super) fn read(
 ) -> Result<Vec<Plane>, ImageError> {
     let mut decoder_limits = ::image::Limits::no_limits();
     decoder_limits.max_alloc = Some(limits.max_bytes);
-    let decoder =
-        PngDecoder::with_limits(BufReader::new(file), decoder_limits).map_err(failed(path))?;
+    let decoder = PngDecoder::with_limits(BufReader::new(file), decoder_limits).map_err(failed(path))?;
     let (names, sample) = layout(path, decoder.color_type())?;
-    let n_bytes =
-        usize::try_from(decoder.total_bytes()).map_err(|error| ImageError::damaged(path, error))?;
+    let n_bytes = usize::try_from(decoder.total_bytes()).map_err(|error| ImageError::damaged(path, error))?;
     let mut bytes = vec![0; n_bytes];
     decoder.read_image(&mut bytes).map_err(failed(path))?;
     let plane = |wanted: &PlaneRequest| match sample {
@@ -83,12 +78,7 @@ pub(super) fn read(
             Plane::F32(samples.map(|&value| f32::from(value) / 255.0).collect())
         }
         _ => {
-            let samples = bytes
-                .as_chunks()
-                .0
-                .iter()
-                .skip(wanted.channel)
-                .step_by(names.len());
+            let samples = bytes.as_chunks().0.iter().skip(wanted.channel).step_by(names.len());
             Plane::F32(
                 samples
                     .map(|&value| f32::from(u16::from_ne_bytes(value)) / 65_535.0)
@@ -99,10 +89,7 @@ pub(super) fn read(
     Ok(wanted.iter().map(plane).collect())
 }
 
-fn layout(
-    path: &Path,
-    color: ColorType,
-) -> Result<(&'static [&'static str], SampleType), ImageError> {
+fn layout(path: &Path, color: ColorType) -> Result<(&'static [&'static str], SampleType), ImageError> {
     Ok(match color {
         ColorType::L8 => (&["Y"], SampleType::U8),
         ColorType::La8 => (&["Y", "A"], SampleType::U8),
@@ -113,19 +100,14 @@ fn layout(
         ColorType::Rgb16 => (&["R", "G", "B"], SampleType::U16),
         ColorType::Rgba16 => (&["R", "G", "B", "A"], SampleType::U16),
         other => {
-            return Err(ImageError::unsupported(
-                path,
-                format!("PNG colour type {other:?}"),
-            ));
+            return Err(ImageError::unsupported(path, format!("PNG colour type {other:?}")));
         }
     })
 }
 
 fn failed(path: &Path) -> impl FnOnce(PngError) -> ImageError + '_ {
     move |error| match error {
-        PngError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
-            ImageError::io(path)(source)
-        }
+        PngError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => ImageError::io(path)(source),
         PngError::Unsupported(what) => ImageError::unsupported(path, what.to_string()),
         error => ImageError::damaged(path, error),
     }

@@ -54,31 +54,18 @@ pub fn write_exr(
     };
     let size = (extent.width as usize, extent.height as usize);
     let channels = AnyChannels::sort(list.collect::<Result<_, _>>()?);
-    let image = ExrImage::from_layer(Layer::new(
-        size,
-        LayerAttributes::default(),
-        encoding,
-        channels,
-    ));
+    let image = ExrImage::from_layer(Layer::new(size, LayerAttributes::default(), encoding, channels));
     atomically(path, |file| {
-        image
-            .write()
-            .to_buffered(file)
-            .map_err(|error| match error {
-                ::exr::error::Error::Io(source) => ImageError::io(path)(source),
-                error => ImageError::unsupported(path, error.to_string()),
-            })
+        image.write().to_buffered(file).map_err(|error| match error {
+            ::exr::error::Error::Io(source) => ImageError::io(path)(source),
+            error => ImageError::unsupported(path, error.to_string()),
+        })
     })
 }
 
 /// Writes red, green and blue, ZIP-compressed.
-pub fn write_rgb_exr(
-    path: &Path,
-    image: &Image<[f32; 3]>,
-    format: FloatFormat,
-) -> Result<(), ImageError> {
-    let plane =
-        |channel: usize| Plane::F32(image.pixels().iter().map(|pixel| pixel[channel]).collect());
+pub fn write_rgb_exr(path: &Path, image: &Image<[f32; 3]>, format: FloatFormat) -> Result<(), ImageError> {
+    let plane = |channel: usize| Plane::F32(image.pixels().iter().map(|pixel| pixel[channel]).collect());
     let channels = [("R", plane(0)), ("G", plane(1)), ("B", plane(2))];
     write_exr(path, image.extent(), &channels, format, Compression::ZIP16)
 }

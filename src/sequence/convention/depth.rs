@@ -115,7 +115,10 @@ mod tests {
         assert_eq!(LINEAR.decode(1e10, DVec2::ZERO), SKY_DEPTH);
         assert_eq!(LINEAR.decode(f32::INFINITY, DVec2::ZERO), SKY_DEPTH);
         assert_eq!(LINEAR.decode(99.0, DVec2::ZERO), 99.0);
-        let near_sky = DepthDecoder { sky_value: 50.0, ..LINEAR };
+        let near_sky = DepthDecoder {
+            sky_value: 50.0,
+            ..LINEAR
+        };
         assert_eq!(near_sky.decode(50.0, DVec2::ZERO), SKY_DEPTH);
         assert_eq!(near_sky.decode(49.9, DVec2::ZERO), 49.9);
         let infinite = DepthDecoder {

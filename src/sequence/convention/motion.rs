@@ -51,10 +51,7 @@ impl MotionDecoder {
         Self {
             scale: source.scale,
             bias: source.bias,
-            unit_px: [
-                unit_px[0] * to_previous,
-                unit_px[1] * to_previous * downwards(source.y),
-            ],
+            unit_px: [unit_px[0] * to_previous, unit_px[1] * to_previous * downwards(source.y)],
             jitter_px,
             invalid: source.invalid_value,
         }

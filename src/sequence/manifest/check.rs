@@ -1,8 +1,8 @@
 //! Everything a well-formed manifest can still get wrong. Each check names its field.
 
 use super::{
-    Camera, ColorSource, DepthKind, DepthSource, FarPlane, FrameEntry, Manifest, ManifestError, MotionSource,
-    SCHEMA, Section,
+    Camera, ColorSource, DepthKind, DepthSource, FarPlane, FrameEntry, Manifest, ManifestError, MotionSource, SCHEMA,
+    Section,
 };
 use crate::{
     image::Extent,
@@ -43,7 +43,9 @@ pub(super) fn check(manifest: &Manifest) -> Checked {
     size(manifest.output_size, "output_size")?;
     positive(manifest.display.exposure, "display.exposure")?;
     for (value, field) in [(&manifest.checkerboard, "checkerboard"), (&manifest.layers, "layers")] {
-        ensure(value.is_none(), field, || "not supported yet; leave it out or null".to_owned())?;
+        ensure(value.is_none(), field, || {
+            "not supported yet; leave it out or null".to_owned()
+        })?;
     }
     colors(manifest)?;
     if let Some(source) = &manifest.depth {
@@ -102,9 +104,11 @@ fn scale_and_bias(scale: f64, bias: f64, section: &str) -> Checked {
 fn depth(source: &DepthSource) -> Checked {
     scale_and_bias(source.scale, source.bias, "depth")?;
     positive(source.sky_value, "depth.sky_value")?;
-    ensure(!source.reversed || source.kind == DepthKind::Device, "depth.reversed", || {
-        "only device depth can be reversed".to_owned()
-    })?;
+    ensure(
+        !source.reversed || source.kind == DepthKind::Device,
+        "depth.reversed",
+        || "only device depth can be reversed".to_owned(),
+    )?;
     planes(source.near, source.far, "depth")
 }
 
@@ -127,9 +131,11 @@ fn motion(source: &MotionSource, has_depth: bool) -> Checked {
     for axis in 0..2 {
         scale_and_bias(source.scale[axis], source.bias[axis], "motion")?;
     }
-    ensure(source.invalid_value.is_none() || has_depth, "motion.invalid_value", || {
-        "motion can only be derived where there is `depth`; add it, or set this to null".to_owned()
-    })
+    ensure(
+        source.invalid_value.is_none() || has_depth,
+        "motion.invalid_value",
+        || "motion can only be derived where there is `depth`; add it, or set this to null".to_owned(),
+    )
 }
 
 fn frame(manifest: &Manifest, i: usize, entry: &FrameEntry) -> Checked {
@@ -156,8 +162,13 @@ fn frame(manifest: &Manifest, i: usize, entry: &FrameEntry) -> Checked {
     }
     device_planes(manifest, entry, &at("camera"))?;
     if let Some(why) = needs_camera(manifest) {
-        let usable = entry.camera.as_ref().map(|camera| Projector::new(camera, manifest.render_size).is_some());
-        ensure(usable.is_some(), at("camera"), || format!("missing, and {why} needs it"))?;
+        let usable = entry
+            .camera
+            .as_ref()
+            .map(|camera| Projector::new(camera, manifest.render_size).is_some());
+        ensure(usable.is_some(), at("camera"), || {
+            format!("missing, and {why} needs it")
+        })?;
         ensure(usable == Some(true), at("camera"), || {
             format!("`view` and `projection` must be invertible and perspective: {why} needs them")
         })?;
@@ -218,8 +229,14 @@ fn pre_exposed(manifest: &Manifest) -> Option<Section> {
 
 /// What needs every frame's camera, if anything does.
 fn needs_camera(manifest: &Manifest) -> Option<&'static str> {
-    let is_ray = manifest.depth.as_ref().is_some_and(|depth| depth.kind == DepthKind::RayDistance);
-    let derives = manifest.motion.as_ref().is_some_and(|motion| motion.invalid_value.is_some());
+    let is_ray = manifest
+        .depth
+        .as_ref()
+        .is_some_and(|depth| depth.kind == DepthKind::RayDistance);
+    let derives = manifest
+        .motion
+        .as_ref()
+        .is_some_and(|motion| motion.invalid_value.is_some());
     match (is_ray, derives) {
         (true, _) => Some("depth.kind ray_distance"),
         (_, true) => Some("motion.invalid_value"),

@@ -75,12 +75,18 @@ fn placeholder(name: &str) -> Result<Segment, String> {
     let of = match number {
         "file_frame" => Number::FileFrame,
         "index" => Number::Index,
-        _ => return Err(format!("`{{{name}}}` is unknown; use {{file_frame:04}} or {{index:04}}")),
+        _ => {
+            return Err(format!(
+                "`{{{name}}}` is unknown; use {{file_frame:04}} or {{index:04}}"
+            ));
+        }
     };
     match format.strip_prefix('0').map(|digits| (digits, digits.parse())) {
         Some(("", _)) => Ok(Segment::Number { of, width: 0 }),
         Some((_, Ok(width @ 0..=20))) => Ok(Segment::Number { of, width }),
-        _ => Err(format!("`{{{name}}}`: the format is a 0 and a width up to 20, such as {{{number}:04}}")),
+        _ => Err(format!(
+            "`{{{name}}}`: the format is a 0 and a width up to 20, such as {{{number}:04}}"
+        )),
     }
 }
 
@@ -88,7 +94,9 @@ fn placeholder(name: &str) -> Result<Segment, String> {
 fn stay_inside(text: &str) -> Result<(), String> {
     let has_drive = text.as_bytes().get(1) == Some(&b':');
     if text.starts_with('/') || text.contains(['\\', '\0']) || has_drive {
-        return Err(format!("`{text}` must be relative to the manifest's folder, with / between names"));
+        return Err(format!(
+            "`{text}` must be relative to the manifest's folder, with / between names"
+        ));
     }
     match text.split('/').find(|name| matches!(*name, "" | "." | "..")) {
         Some("..") => Err(format!("`{text}` leaves the sequence's folder; paths must stay inside")),

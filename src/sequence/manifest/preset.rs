@@ -98,10 +98,11 @@ pub(super) fn fill_defaults(manifest: &mut Value) -> Result<(), ManifestError> {
         return Err(ManifestError::field(".", "a manifest is a JSON object"));
     };
     if let Some(preset) = manifest.get("preset").filter(|preset| !preset.is_null()) {
-        let preset: Preset = serde_path_to_error::deserialize(preset).map_err(|error| match super::describe(&error) {
-            ManifestError::Field { problem, .. } => ManifestError::field("preset", problem),
-            other => other,
-        })?;
+        let preset: Preset =
+            serde_path_to_error::deserialize(preset).map_err(|error| match super::describe(&error) {
+                ManifestError::Field { problem, .. } => ManifestError::field("preset", problem),
+                other => other,
+            })?;
         if let Value::Object(sections) = preset.defaults() {
             for (name, defaults) in sections {
                 if name == "jitter" && !manifest.contains_key("jitter") {

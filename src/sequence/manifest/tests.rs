@@ -61,7 +61,10 @@ fn unknown_names_get_the_nearest_known_one() {
     let frame = with(minimal(), "/frames/1/jiter", json!([0, 0]));
     assert_eq!(error(frame), "frames[1].jiter: unknown field; did you mean `jitter`?");
     let variant = with(full(), "/motion/units", json!("pixels_rendr"));
-    assert_eq!(error(variant), "motion.units: unknown value `pixels_rendr`; did you mean `pixels_render`?");
+    assert_eq!(
+        error(variant),
+        "motion.units: unknown value `pixels_rendr`; did you mean `pixels_render`?"
+    );
     let preset = with(minimal(), "/preset", json!("blendr"));
     assert_eq!(error(preset), "preset: unknown value `blendr`; did you mean `blender`?");
     let strange = with(minimal(), "/zzz", json!(0));
@@ -72,21 +75,37 @@ fn unknown_names_get_the_nearest_known_one() {
 fn each_wrong_value_is_named() {
     let matrix_row = json!([0, 0, 0, 0]);
     for (pointer, value, expected) in [
-        ("/schema", json!("afterimage-sequence/2"), "schema: `afterimage-sequence/2` is unknown"),
+        (
+            "/schema",
+            json!("afterimage-sequence/2"),
+            "schema: `afterimage-sequence/2` is unknown",
+        ),
         ("/name", json!(" "), "name: must be"),
         ("/fps", json!(0), "fps: 0 must be a number above 0"),
         ("/render_size", json!([0, 48]), "render_size: 0×48"),
         ("/output_size", json!([64, 16385]), "output_size: 64×16385"),
         ("/render_size", json!([64]), "render_size: invalid length 1"),
-        ("/display", json!({"exposure": -1, "tonemap": "none"}), "display.exposure: -1 must be"),
+        (
+            "/display",
+            json!({"exposure": -1, "tonemap": "none"}),
+            "display.exposure: -1 must be",
+        ),
         ("/checkerboard", json!({}), "checkerboard: not supported"),
         ("/layers", json!([]), "layers: not supported"),
         ("/frames", json!([]), "frames: is empty"),
         ("/frames/1/index", json!(2), "frames[1].index: 2 must be 1"),
-        ("/frames/1/jitter", json!([0.0, 0.51]), "frames[1].jitter: is (0, 0.51) pixels"),
+        (
+            "/frames/1/jitter",
+            json!([0.0, 0.51]),
+            "frames[1].jitter: is (0, 0.51) pixels",
+        ),
         ("/frames/0/exposure", json!(0), "frames[0].exposure: 0 must be"),
         ("/frames/0/camera/near", json!(-1), "frames[0].camera.near: -1 must be"),
-        ("/frames/0/camera/far", json!(0.05), "frames[0].camera.far: 0.05 must lie beyond"),
+        (
+            "/frames/0/camera/far",
+            json!(0.05),
+            "frames[0].camera.far: 0.05 must lie beyond",
+        ),
         ("/color/path", json!("../c.exr"), "color.path: `../c.exr` leaves"),
         ("/color/channels", json!(["R", "G"]), "color.channels: invalid length 2"),
         ("/color/nits_per_unit", json!(0), "color.nits_per_unit: 0 must be"),
@@ -97,7 +116,11 @@ fn each_wrong_value_is_named() {
         ("/motion/scale", json!([1, 0]), "motion.scale: 0 must be"),
         ("/motion/y", Value::Null, "motion.y: "),
         ("/reference/spp", json!(0), "reference.spp: 0 must be"),
-        ("/reference/filter_radius_px", json!(0), "reference.filter_radius_px: 0 must be"),
+        (
+            "/reference/filter_radius_px",
+            json!(0),
+            "reference.filter_radius_px: 0 must be",
+        ),
     ] {
         let result = Manifest::from_value(with(full(), pointer, value));
         match result {
@@ -116,25 +139,45 @@ fn what_one_convention_needs_must_be_there() {
     without_jitter["jitter"].take();
     assert!(error(without_jitter).starts_with("frames[0].jitter: the manifest has no `jitter`"));
     let numbered = with(minimal(), "/color/path", json!("{file_frame}.exr"));
-    assert_eq!(error(numbered), "frames[0].file_frame: missing, and color.path is `{file_frame}.exr`");
+    assert_eq!(
+        error(numbered),
+        "frames[0].file_frame: missing, and color.path is `{file_frame}.exr`"
+    );
     let pre_exposed = with(minimal(), "/color/pre_exposed", json!(true));
     assert!(error(pre_exposed).starts_with("frames[0].exposure: missing, and color.pre_exposed is true"));
-    let mut derived = with(full(), "/motion/invalid_value", json!(0));
+    let linear = with(full(), "/depth/kind", json!("linear_view_z"));
+    let mut derived = with(linear, "/motion/invalid_value", json!(0));
     derived["frames"][1]["camera"].take();
-    assert_eq!(error(derived.clone()), "frames[1].camera: missing, and motion.invalid_value needs it");
+    assert_eq!(
+        error(derived.clone()),
+        "frames[1].camera: missing, and motion.invalid_value needs it"
+    );
     derived["depth"].take();
     assert!(error(derived).starts_with("motion.invalid_value: motion can only be derived"));
     let mut device = full();
     device["depth"].as_object_mut().unwrap().remove("near");
     device["frames"][0]["camera"].take();
     assert!(error(device).starts_with("frames[0].camera.near: missing, and device depth needs it"));
-    let reversed = with(with(full(), "/depth/kind", json!("linear_view_z")), "/depth/reversed", json!(true));
+    let reversed = with(
+        with(full(), "/depth/kind", json!("linear_view_z")),
+        "/depth/reversed",
+        json!(true),
+    );
     assert!(error(reversed).starts_with("depth.reversed: only device depth"));
 }
 
 #[test]
 fn every_preset_fills_a_bare_manifest_and_yields_to_what_is_given() {
-    for preset in ["blender", "fsr", "xess", "streamline", "arm-nss", "unity", "unreal", "godot"] {
+    for preset in [
+        "blender",
+        "fsr",
+        "xess",
+        "streamline",
+        "arm-nss",
+        "unity",
+        "unreal",
+        "godot",
+    ] {
         let mut bare = full();
         bare["preset"] = json!(preset);
         bare["color"].as_object_mut().unwrap().remove("transfer");
@@ -211,6 +254,9 @@ fn other_colours_follow_the_encoding_of_the_first() {
 #[test]
 fn what_is_no_json_or_no_object_is_said() {
     let broken = Manifest::parse("{\"schema\": ").unwrap_err().to_string();
-    assert!(broken.starts_with("not valid JSON: EOF") && broken.contains("line 1"), "{broken}");
+    assert!(
+        broken.starts_with("not valid JSON: EOF") && broken.contains("line 1"),
+        "{broken}"
+    );
     assert!(error(json!([])).contains("a manifest is a JSON object"));
 }

@@ -160,9 +160,6 @@ pub fn prepare<R: Real>(color: &Image<Rgb>, domain: Domain) -> (Image<Color<R>>,
         .iter()
         .filter(|rgb| rgb.iter().any(|&channel| is_hostile(channel)))
         .count();
-    let prepared = color.map(|rgb| {
-        Color(rgb.map(|channel| R::new(f64::from(repair(channel))))).to_domain(domain)
-    });
+    let prepared = color.map(|rgb| Color(rgb.map(|channel| R::new(f64::from(repair(channel))))).to_domain(domain));
     (prepared, n_repaired as u64)
 }
-

@@ -163,7 +163,8 @@ impl<R: Real> Pixels<'_, R> {
             Dilation::None => [0, 0],
             Dilation::Closest => first_largest(|[i, j]| -self.depth(x + i, y + j)),
             Dilation::Longest => first_largest(|[i, j]| {
-                self.motion_at(x + i, y + j).map_or(0.0, |m| m.length_px.to_f64() * m.length_px.to_f64())
+                self.motion_at(x + i, y + j)
+                    .map_or(0.0, |m| m.length_px.to_f64() * m.length_px.to_f64())
             }),
         };
         self.motion_at(x + chosen[0], y + chosen[1])
@@ -178,7 +179,11 @@ impl<R: Real> Pixels<'_, R> {
 
     /// The texel's own motion; none where it is not finite or longer than four images.
     fn motion_at(&self, x: i64, y: i64) -> Option<Motion<R>> {
-        let motion = self.frame.motion_px.as_ref().expect("validated: the recipe needs motion");
+        let motion = self
+            .frame
+            .motion_px
+            .as_ref()
+            .expect("validated: the recipe needs motion");
         let px = motion.clamped(x, y).map(f64::from);
         let extent = self.color.extent();
         let length = libm::hypot(px[0], px[1]);
@@ -234,13 +239,18 @@ impl<R: Real> Pixels<'_, R> {
             Weight::LumaFeedback => {
                 let (l0, l1) = (current.luma(), rectified.luma());
                 let agreement = c(1.0) - (l0 - l1).abs() / l0.max(l1).max(c(0.2));
-                c(1.0) - mix(c(recipe.luma_feedback_lo), c(recipe.luma_feedback_hi), agreement * agreement)
+                c(1.0)
+                    - mix(
+                        c(recipe.luma_feedback_lo),
+                        c(recipe.luma_feedback_hi),
+                        agreement * agreement,
+                    )
             }
             Weight::Antiflicker => {
                 let bounds = bounds.expect("validated: the weight needs a box");
                 let base = mix(c(0.04), c(0.2), (motion.length_px / c(40.0)).saturate());
-                let [lo, hi, l] = [bounds.lo, bounds.hi, unrectified.to_space(recipe.space)]
-                    .map(|color| color.luma_in(recipe.space));
+                let [lo, hi, l] =
+                    [bounds.lo, bounds.hi, unrectified.to_space(recipe.space)].map(|color| color.luma_in(recipe.space));
                 let to_edge = (l - lo).min(hi - l).max(c(0.0));
                 let inside = (c(2.0) * to_edge / (hi - lo).max(c(1e-7))).saturate();
                 (base * (c(1.0) + c(3.0) * inside)).min(c(1.0))

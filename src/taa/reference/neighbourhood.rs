@@ -38,7 +38,11 @@ pub fn color_box<R: Real>(
     };
     let minmax = |offsets: &[[i64; 2]]| {
         let first = texel(offsets[0]);
-        let mut bounds = ColorBox { lo: first, hi: first, mean: first };
+        let mut bounds = ColorBox {
+            lo: first,
+            hi: first,
+            mean: first,
+        };
         for &offset in &offsets[1..] {
             let c = texel(offset);
             bounds = ColorBox {
@@ -108,7 +112,11 @@ impl<R: Real> ColorBox<R> {
         let (lo, hi) = (self.lo.max(other.lo), self.hi.min(other.hi));
         let is_empty = (0..3).any(|i| lo.0[i] > hi.0[i]);
         let (lo, hi) = if is_empty { (other.lo, other.hi) } else { (lo, hi) };
-        Self { lo, hi, mean: self.mean }
+        Self {
+            lo,
+            hi,
+            mean: self.mean,
+        }
     }
 }
 

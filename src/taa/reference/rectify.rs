@@ -61,7 +61,10 @@ fn beyond<R: Real>(c: Color<R>, bounds: &ColorBox<R>) -> Color<R> {
     let excess = c - c.clamp(bounds.lo, bounds.hi);
     let largest = bounds.lo.map(R::abs).max(bounds.hi.map(R::abs)).max(Color::splat(1.0));
     let rounding = largest * R::new(1.0 / 1_048_576.0);
-    excess.zip(rounding, |excess, rounding| if excess.abs() > rounding { excess } else { R::new(0.0) })
+    excess.zip(
+        rounding,
+        |excess, rounding| if excess.abs() > rounding { excess } else { R::new(0.0) },
+    )
 }
 
 #[cfg(test)]
@@ -70,7 +73,11 @@ mod tests {
 
     fn bounds(lo: [f64; 3], hi: [f64; 3]) -> ColorBox<f64> {
         let (lo, hi) = (Color(lo), Color(hi));
-        ColorBox { lo, hi, mean: (lo + hi) * 0.5 }
+        ColorBox {
+            lo,
+            hi,
+            mean: (lo + hi) * 0.5,
+        }
     }
 
     #[test]

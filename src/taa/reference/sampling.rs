@@ -74,12 +74,7 @@ fn catmull_rom_5<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Col
 }
 
 /// History at `q`, never negative, and within the 4 texels around `q` where `deringing` is on.
-pub fn history<R: Real>(
-    image: &Image<Color<R>>,
-    q: Position<R>,
-    filter: HistoryFilter,
-    deringing: bool,
-) -> Color<R> {
+pub fn history<R: Real>(image: &Image<Color<R>>, q: Position<R>, filter: HistoryFilter, deringing: bool) -> Color<R> {
     let filtered = match filter {
         HistoryFilter::None | HistoryFilter::Texel => {
             let [x, y] = q.map(|s| s.floor().to_f64() as i64);
@@ -107,7 +102,9 @@ mod tests {
 
     /// A plane `ax + by + c`, away from the edges of a 9×9 image.
     fn plane(a: f64, b: f64) -> Image<Color<f64>> {
-        Image::from_fn(Extent::new(9, 9), |x, y| Color::splat(2.0 + a * f64::from(x) + b * f64::from(y)))
+        Image::from_fn(Extent::new(9, 9), |x, y| {
+            Color::splat(2.0 + a * f64::from(x) + b * f64::from(y))
+        })
     }
 
     #[test]

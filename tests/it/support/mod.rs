@@ -53,7 +53,11 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         }
         let lamp = if (x / 8 + y / 8) % 7 == 3 { 40.0 } else { 1.0 };
         let stripes = 0.5 + 0.5 * ((x as f32 + 0.37 * t) * 1.9 + y as f32 * 0.8).sin();
-        [lamp * stripes, 0.3 * noise(x, y, 1) + 0.1, 0.2 + 0.1 * noise(x, y, index as u32 + 9)]
+        [
+            lamp * stripes,
+            0.3 * noise(x, y, 1) + 0.1,
+            0.2 + 0.1 * noise(x, y, index as u32 + 9),
+        ]
     });
     let depth = Image::from_fn(extent, |x, y| match (hostile(x, y), on_box(x, y)) {
         (true, _) => f32::NAN,
@@ -102,7 +106,7 @@ pub fn resolve_on_gpu(
             inputs.upload(gpu, &frame).unwrap();
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             inputs.prepare(gpu, &mut encoder, &mut timer, 1).unwrap();
-            resolver.resolve(gpu, &mut encoder, &inputs, &mut timer, "resolve", 1).unwrap();
+            resolver.resolve(gpu, &mut encoder, &inputs, &mut timer, 1).unwrap();
             let mut readback = pool.begin();
             let shown = readback.copy_texture(gpu, &mut encoder, resolver.shown());
             let count = inputs.repaired_texels(recipe.source, recipe.domain);

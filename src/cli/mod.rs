@@ -1,0 +1,81 @@
+//! One file a command. Each returns whether its check said yes.
+
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "printing is what a command line is for"
+)]
+
+pub mod compare;
+pub mod list;
+pub mod run;
+pub mod serve;
+pub mod submit;
+pub mod table;
+
+use anyhow::Context;
+use serde::Serialize;
+use std::{fs, path::PathBuf};
+
+/// Where JSON goes.
+#[derive(Clone, Debug)]
+pub enum JsonTarget {
+    Stdout,
+    File(PathBuf),
+}
+
+impl From<&str> for JsonTarget {
+    fn from(text: &str) -> Self {
+        if text == "-" {
+            Self::Stdout
+        } else {
+            Self::File(text.into())
+        }
+    }
+}
+
+impl JsonTarget {
+    pub fn write(&self, value: &impl Serialize) -> anyhow::Result<()> {
+        let text = serde_json::to_string_pretty(value)? + "\n";
+        match self {
+            Self::Stdout => print(&text),
+            Self::File(path) => fs::write(path, text).with_context(|| format!("--json {}", path.display()))?,
+        }
+        Ok(())
+    }
+
+    /// Whether a table on the screen would be in the JSON's way.
+    pub fn takes_stdout(this: Option<&Self>) -> bool {
+        matches!(this, Some(Self::Stdout))
+    }
+}
+
+/// Prints to standard output.
+pub fn print(text: &str) {
+    print!("{text}");
+}
+
+/// Prints an error.
+pub fn complain(message: &str) {
+    eprintln!("error: {message}");
+}
+
+/// Sends the library's log to standard error: warnings, or what `AFTERIMAGE_LOG` asks for.
+pub fn log_to_stderr() {
+    let filter = tracing_subscriber::EnvFilter::try_from_env("AFTERIMAGE_LOG")
+        .unwrap_or_else(|_| "warn,afterimage=info,wgpu_hal=error".into());
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .init();
+}
+
+/// A progress bar on standard error; nothing where that is not a terminal.
+pub fn progress_bar(title: &str, n_total: u64) -> indicatif::ProgressBar {
+    let style = indicatif::ProgressStyle::with_template("{prefix} [{bar:40}] {pos}/{len} {eta}")
+        .expect("a valid template")
+        .progress_chars("=> ");
+    indicatif::ProgressBar::new(n_total)
+        .with_style(style)
+        .with_prefix(title.to_owned())
+}

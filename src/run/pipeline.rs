@@ -1,0 +1,197 @@
+//! The run's threads: decoders, each a frame ahead; the GPU's, which uploads and submits; and the scorer, which waits for
+//! a submission and reads it back while the next one runs. Bounded channels between them keep few frames in memory.
+
+use super::{
+    Observer, RunError,
+    plan::Plan,
+    report::Report,
+    scoring::{Scorer, Submitted},
+    times::{milliseconds_since, thread_cpu_ms, timed},
+};
+use crate::{
+    gpu::{Gpu, ReadbackPool, Timer},
+    sequence::{Frame, Sequence, SequenceError},
+    taa::{Inputs, Precision, Resolver},
+};
+use std::{
+    sync::mpsc::{Receiver, SyncSender, sync_channel},
+    thread,
+    time::Instant,
+};
+
+/// A frame and the milliseconds its decoding took.
+type Decoded = Result<(Frame, f64), SequenceError>;
+
+pub fn run(
+    plan: &Plan,
+    precision: Precision,
+    sequence: &Sequence,
+    gpu: &Gpu,
+    observer: &dyn Observer,
+) -> Result<Report, RunError> {
+    let start = Instant::now();
+    let n_decoders = decoders(plan.n_frames);
+    thread::scope(|scope| {
+        let hash = scope.spawn(|| sequence.hash());
+        let frames: Vec<_> = (0..n_decoders)
+            .map(|first| {
+                let (send, receive) = sync_channel(1);
+                scope.spawn(move || decode(plan, sequence, first, n_decoders, &send));
+                receive
+            })
+            .collect();
+        let (send, submitted) = sync_channel(1);
+        let scorer = scope.spawn(move || Scorer::new(plan, sequence, gpu, observer).score_all(&submitted));
+        let resolved = Stage::new(plan, precision, sequence, gpu)
+            .and_then(|mut stage| stage.resolve_all(&frames, observer, &send));
+        // The scorer ends when the channel closes; decoders end when theirs do.
+        drop(send);
+        drop(frames);
+        let scored = scorer
+            .join()
+            .map_err(|_| RunError::Internal("the scoring thread panicked".to_owned()))?;
+        let hash = hash
+            .join()
+            .map_err(|_| RunError::Internal("the hashing thread panicked".to_owned()))?;
+        // Where both fail, the scorer's error is the cause: the GPU's thread then only saw the channel close.
+        let scored = scored?;
+        resolved?;
+        Ok(scored.into_report(hash?, n_decoders, milliseconds_since(start)))
+    })
+}
+
+/// Each decoder also decompresses in parallel, so a few are enough to hide the gaps.
+fn decoders(n_frames: usize) -> usize {
+    let n_cores = thread::available_parallelism().map_or(1, usize::from);
+    (n_cores / 2).clamp(1, 4).min(n_frames)
+}
+
+/// Loads every `step`-th frame from `first` until the end, an error, or nobody listens.
+fn decode(plan: &Plan, sequence: &Sequence, first: usize, step: usize, send: &SyncSender<Decoded>) {
+    for index in (first..plan.n_frames).step_by(step) {
+        let (frame, decode_ms) = timed(|| sequence.load(index, plan.channels));
+        let failed = frame.is_err();
+        if send.send(frame.map(|frame| (frame, decode_ms))).is_err() || failed {
+            return;
+        }
+    }
+}
+
+/// The GPU's thread.
+struct Stage<'a> {
+    plan: &'a Plan,
+    gpu: &'a Gpu,
+    inputs: Inputs,
+    resolvers: Vec<Resolver>,
+    timer: Timer,
+    pool: ReadbackPool,
+}
+
+impl<'a> Stage<'a> {
+    fn new(plan: &'a Plan, precision: Precision, sequence: &Sequence, gpu: &'a Gpu) -> Result<Self, RunError> {
+        let extent = sequence.render_size();
+        if extent.width.max(extent.height) > gpu.max_side() {
+            let (name, limit) = (gpu.info().name, gpu.max_side());
+            return Err(RunError::Input(format!(
+                "frames of {extent} are too large for `{name}`: at most {limit} a side"
+            )));
+        }
+        let resolvers = plan
+            .systems
+            .iter()
+            .map(|system| Resolver::new(gpu, system.recipe.clone(), precision, extent))
+            .collect::<Result<_, _>>()?;
+        let mut stage = Self {
+            plan,
+            gpu,
+            inputs: Inputs::new(gpu, extent, plan.channels, &plan.prepared)?,
+            resolvers,
+            timer: Timer::new(gpu, 0),
+            pool: ReadbackPool::default(),
+        };
+        // Drivers compile at the first dispatch: that run is not timed, and the first frame overwrites what it left.
+        let mut encoder = stage.encoder();
+        stage.record(&mut encoder, 1)?;
+        gpu.wait(gpu.queue.submit([encoder.finish()]))?;
+        let n_passes = (plan.prepared.len() + plan.systems.len()) as u32 * plan.repeat;
+        stage.timer = Timer::new(gpu, n_passes);
+        Ok(stage)
+    }
+
+    fn encoder(&self) -> wgpu::CommandEncoder {
+        self.gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    fn resolve_all(
+        &mut self,
+        frames: &[Receiver<Decoded>],
+        observer: &dyn Observer,
+        send: &SyncSender<Submitted>,
+    ) -> Result<(), RunError> {
+        for index in 0..self.plan.n_frames {
+            if observer.cancelled() {
+                return Err(RunError::Cancelled);
+            }
+            let decoded = frames[index % frames.len()].recv();
+            let (frame, decode_ms) =
+                decoded.map_err(|_| RunError::Internal(format!("the decoder of frame {index} panicked")))??;
+            let submitted = self.submit(frame, decode_ms)?;
+            if send.send(submitted).is_err() {
+                return Err(RunError::Internal("the scorer stopped".to_owned()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Uploads a frame, and submits every preset's passes and the copies back.
+    fn submit(&mut self, frame: Frame, decode_ms: f64) -> Result<Submitted, RunError> {
+        let (uploaded, upload_ms) = timed(|| self.inputs.upload(self.gpu, &frame));
+        uploaded?;
+        let cpu_before = thread_cpu_ms();
+        let mut encoder = self.encoder();
+        self.record(&mut encoder, self.plan.repeat)?;
+        let mut readback = self.pool.begin();
+        let (gpu, readback_ref) = (self.gpu, &mut readback);
+        let (shown, repaired) = gpu.scope("reading a frame back", || {
+            let shown: Vec<_> = self
+                .resolvers
+                .iter()
+                .map(|resolver| readback_ref.copy_texture(gpu, &mut encoder, resolver.shown()))
+                .collect();
+            let repaired: Vec<_> = self
+                .plan
+                .prepared
+                .iter()
+                .map(|&(source, domain)| {
+                    let counter = self.inputs.repaired_texels(source, domain);
+                    readback_ref.copy_buffer(gpu, &mut encoder, counter, 4)
+                })
+                .collect();
+            (shown, repaired)
+        })?;
+        let times = self.timer.finish(gpu, &mut encoder, &mut readback);
+        let submission = gpu.scope("submitting a frame", || gpu.queue.submit([encoder.finish()]))?;
+        readback.map();
+        Ok(Submitted {
+            frame,
+            submission,
+            readback,
+            times,
+            shown,
+            repaired,
+            decode_ms,
+            upload_ms,
+            host_cpu_ms: thread_cpu_ms() - cpu_before,
+        })
+    }
+
+    fn record(&mut self, encoder: &mut wgpu::CommandEncoder, repeat: u32) -> Result<(), RunError> {
+        self.inputs.prepare(self.gpu, encoder, &mut self.timer, repeat)?;
+        for resolver in &mut self.resolvers {
+            resolver.resolve(self.gpu, encoder, &self.inputs, &mut self.timer, repeat)?;
+        }
+        Ok(())
+    }
+}

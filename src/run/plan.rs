@@ -1,0 +1,154 @@
+//! From what was asked to what will be done: everything about a run that can be known, or refused, before it starts.
+
+use super::{RunError, RunSpec};
+use crate::{
+    gpu::Timer,
+    metrics::Metric,
+    sequence::{Channels, Sequence},
+    taa::{Preset, Recipe, Source, recipe::Domain},
+};
+use std::collections::BTreeSet;
+
+/// A checked run.
+#[derive(Debug)]
+pub struct Plan {
+    pub systems: Vec<System>,
+    /// Empty where the sequence has no reference.
+    pub metrics: Vec<Metric>,
+    pub channels: Channels,
+    /// The colours to prepare, in order.
+    pub prepared: BTreeSet<(Source, Domain)>,
+    pub n_frames: usize,
+    pub repeat: u32,
+}
+
+/// A preset with its overrides applied.
+#[derive(Debug)]
+pub struct System {
+    pub preset: String,
+    pub recipe: Recipe,
+    pub notes: Vec<String>,
+}
+
+/// The most often a pass is timed.
+const MAX_REPEAT: u32 = 100;
+
+impl Plan {
+    pub fn new(spec: &RunSpec, sequence: &Sequence) -> Result<Self, RunError> {
+        if spec.presets.is_empty() {
+            return Err(RunError::Input("presets: name at least one".to_owned()));
+        }
+        if !(1..=MAX_REPEAT).contains(&spec.repeat) {
+            return Err(RunError::Input(format!(
+                "repeat: must be 1 to {MAX_REPEAT}, not {}",
+                spec.repeat
+            )));
+        }
+        if spec.n_frames == Some(0) {
+            return Err(RunError::Input("frames: must be at least 1".to_owned()));
+        }
+        check_sizes(sequence)?;
+        let available = sequence.available();
+        let systems = spec
+            .presets
+            .iter()
+            .enumerate()
+            .map(|(index, wanted)| {
+                let error = |message: String| RunError::Input(format!("presets[{index}]: {message}"));
+                let preset = Preset::find(&wanted.preset).map_err(|cause| error(cause.to_string()))?;
+                let recipe = preset
+                    .recipe
+                    .with(&wanted.parameters)
+                    .map_err(|cause| error(cause.to_string()))?;
+                let missing = missing(recipe.required_channels(), available);
+                if !missing.is_empty() {
+                    return Err(error(format!(
+                        "`{}` needs {}, which the sequence does not have",
+                        wanted.preset,
+                        missing.join(" and ")
+                    )));
+                }
+                Ok(System {
+                    preset: wanted.preset.clone(),
+                    notes: notes(&recipe, sequence),
+                    recipe,
+                })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let prepared: BTreeSet<_> = systems
+            .iter()
+            .map(|system| (system.recipe.source, system.recipe.domain))
+            .collect();
+        let n_passes = (prepared.len() + systems.len()) as u32 * spec.repeat;
+        if n_passes > Timer::MAX_PASSES {
+            return Err(RunError::Input(format!(
+                "presets × repeat: {n_passes} timed passes a frame are more than {}; ask for fewer",
+                Timer::MAX_PASSES
+            )));
+        }
+        let metrics = if available.reference {
+            spec.metrics.clone()
+        } else {
+            Vec::new()
+        };
+        for metric in &metrics {
+            metric
+                .check_size(sequence.output_size())
+                .map_err(|cause| RunError::Input(format!("metrics: {cause}")))?;
+        }
+        Ok(Self {
+            channels: channels(&systems, available, !metrics.is_empty()),
+            systems,
+            metrics,
+            prepared,
+            n_frames: spec.n_frames.unwrap_or(usize::MAX).min(sequence.n_frames()),
+            repeat: spec.repeat,
+        })
+    }
+}
+
+/// No recipe changes the size yet.
+fn check_sizes(sequence: &Sequence) -> Result<(), RunError> {
+    let (render, output) = (sequence.render_size(), sequence.output_size());
+    if render == output {
+        Ok(())
+    } else {
+        Err(RunError::Input(format!(
+            "sequence `{}` asks for upscaling from {render} to {output}, which none of the presets does",
+            sequence.name()
+        )))
+    }
+}
+
+fn channels(systems: &[System], available: Channels, wants_reference: bool) -> Channels {
+    let wanted = systems.iter().fold(Channels::default(), |all, System { recipe, .. }| {
+        all.union(recipe.required_channels()).union(recipe.optional_channels())
+    });
+    Channels {
+        unjittered_color: wanted.unjittered_color && available.unjittered_color,
+        reference: wants_reference,
+        ..wanted
+    }
+}
+
+fn missing(required: Channels, available: Channels) -> Vec<&'static str> {
+    [
+        ("depth", required.depth && !available.depth),
+        ("motion", required.motion && !available.motion),
+    ]
+    .into_iter()
+    .filter_map(|(name, is_missing)| is_missing.then_some(name))
+    .collect()
+}
+
+fn notes(recipe: &Recipe, sequence: &Sequence) -> Vec<String> {
+    let mut notes = Vec::new();
+    if recipe.source == Source::UnjitteredIfPresent && !sequence.available().unjittered_color && sequence.is_jittered()
+    {
+        notes.push("the input is jittered: the sequence has no un-jittered colour".to_owned());
+    }
+    if !sequence.available().reference {
+        notes.push("no metrics: the sequence has no reference".to_owned());
+    }
+    notes
+}

@@ -1,0 +1,256 @@
+//! The scorer's thread: waits for a submission, reads its images and times back, computes metrics, and gathers what
+//! becomes the report.
+
+use super::{
+    Observer, RunError,
+    plan::Plan,
+    report::{FrameReport, PresetReport, Report, SequenceInfo},
+    times::{median, summary, timed},
+};
+use crate::{
+    gpu::{Gpu, Readback, Times},
+    image::Image,
+    metrics::{Metric, Reference, Summary, Value},
+    sequence::{Frame, Sequence, frame::Rgb},
+};
+use std::{collections::BTreeMap, sync::mpsc::Receiver};
+
+/// A frame that the GPU is working on.
+pub struct Submitted {
+    pub frame: Frame,
+    pub submission: wgpu::SubmissionIndex,
+    pub readback: Readback,
+    pub times: Times,
+    /// Read-back slot of each preset's shown image.
+    pub shown: Vec<usize>,
+    /// Read-back slot of each prepared colour's count of repaired texels.
+    pub repaired: Vec<usize>,
+    pub decode_ms: f64,
+    pub upload_ms: f64,
+    pub host_cpu_ms: f64,
+}
+
+/// One preset's frames so far, and every time measured on its passes after warm-up.
+#[derive(Default)]
+struct Gathered {
+    frames: Vec<FrameReport>,
+    pass_times_ms: BTreeMap<&'static str, Vec<f64>>,
+}
+
+pub struct Scorer<'a> {
+    plan: &'a Plan,
+    sequence: &'a Sequence,
+    gpu: &'a Gpu,
+    observer: &'a dyn Observer,
+    gathered: Vec<Gathered>,
+    stages_ms: BTreeMap<&'static str, f64>,
+    /// Frames since the last reset.
+    age: usize,
+}
+
+impl<'a> Scorer<'a> {
+    pub fn new(plan: &'a Plan, sequence: &'a Sequence, gpu: &'a Gpu, observer: &'a dyn Observer) -> Self {
+        Self {
+            plan,
+            sequence,
+            gpu,
+            observer,
+            gathered: plan.systems.iter().map(|_| Gathered::default()).collect(),
+            stages_ms: ["decode", "upload", "gpu", "readback", "metrics"]
+                .map(|stage| (stage, 0.0))
+                .into(),
+            age: 0,
+        }
+    }
+
+    /// Scores frames until the channel closes.
+    pub fn score_all(mut self, submitted: &Receiver<Submitted>) -> Result<Self, RunError> {
+        for submitted in submitted {
+            self.gpu.wait(submitted.submission.clone())?;
+            self.score(&submitted)?;
+        }
+        Ok(self)
+    }
+
+    fn score(&mut self, submitted: &Submitted) -> Result<(), RunError> {
+        let frame = &submitted.frame;
+        self.age = if frame.index == 0 || frame.reset {
+            0
+        } else {
+            self.age + 1
+        };
+        let pass_ms = submitted.times.read(&submitted.readback)?;
+        self.add("decode", submitted.decode_ms);
+        self.add("upload", submitted.upload_ms);
+        self.add("gpu", pass_ms.iter().sum());
+        let (reference, reference_ms) = timed(|| {
+            let linear = frame.reference.as_ref()?;
+            Some(Reference::new(linear, self.sequence.display(), &self.plan.metrics))
+        });
+        self.add("metrics", reference_ms);
+        for index in 0..self.plan.systems.len() {
+            let report = self.score_preset(submitted, index, reference.as_ref(), &pass_ms)?;
+            self.gathered[index].frames.push(report);
+            let n_systems = self.plan.systems.len();
+            self.observer
+                .progress(frame.index * n_systems + index + 1, self.plan.n_frames * n_systems);
+        }
+        Ok(())
+    }
+
+    fn score_preset(
+        &mut self,
+        submitted: &Submitted,
+        index: usize,
+        reference: Option<&Reference>,
+        pass_ms: &[f64],
+    ) -> Result<FrameReport, RunError> {
+        let frame = &submitted.frame;
+        let extent = self.sequence.output_size();
+        let (image, readback_ms) = timed(|| submitted.readback.rgb(submitted.shown[index], extent));
+        let image = image?;
+        let (scores, metrics_ms) = timed(|| reference.map(|reference| reference.evaluate(&image)).transpose());
+        let scores = scores.map_err(|error| RunError::Input(error.to_string()))?;
+        self.add("readback", readback_ms);
+        self.add("metrics", metrics_ms);
+        if self.observer.wants_output() {
+            self.observer
+                .output(index, frame.index, &image)
+                .map_err(|error| RunError::Internal(format!("writing frame {}: {error}", frame.index)))?;
+        }
+        let warmup = self.age < self.sequence.warmup_frames();
+        let mut times_ms = self.gather_times(index, pass_ms, warmup);
+        times_ms.extend(
+            [
+                ("decode", submitted.decode_ms),
+                ("upload", submitted.upload_ms),
+                ("host_cpu", submitted.host_cpu_ms),
+                ("readback", readback_ms),
+                ("metrics", metrics_ms),
+            ]
+            .map(|(stage, ms)| (stage.to_owned(), ms)),
+        );
+        let non_finite_pixels = match &scores {
+            Some(scores) => scores.non_finite_pixels,
+            None => count_non_finite(&image),
+        };
+        let values = scores.into_iter().flat_map(|scores| scores.values);
+        Ok(FrameReport {
+            index: frame.index,
+            reset: frame.reset,
+            warmup,
+            repaired_texels: self.repaired_texels(submitted, index)?,
+            non_finite_pixels,
+            metrics: values.map(|(id, value)| (id.to_owned(), value)).collect(),
+            times_ms,
+        })
+    }
+
+    /// Pass times come in the order recorded: each prepared colour, then each preset, `repeat` times each. Returns the
+    /// medians of this preset's passes.
+    fn gather_times(&mut self, index: usize, pass_ms: &[f64], warmup: bool) -> BTreeMap<String, f64> {
+        let recipe = &self.plan.systems[index].recipe;
+        let prepared = self
+            .plan
+            .prepared
+            .iter()
+            .position(|&key| key == (recipe.source, recipe.domain));
+        let passes = [
+            ("prepare", prepared.expect("planned for this recipe")),
+            ("resolve", self.plan.prepared.len() + index),
+        ];
+        let mut medians = BTreeMap::new();
+        for (pass, position) in passes {
+            // None where the adapter has no timestamps.
+            let Some(measured) = pass_ms.chunks_exact(self.plan.repeat as usize).nth(position) else {
+                continue;
+            };
+            medians.insert(pass.to_owned(), median(measured));
+            if !warmup {
+                self.gathered[index]
+                    .pass_times_ms
+                    .entry(pass)
+                    .or_default()
+                    .extend(measured);
+            }
+        }
+        medians
+    }
+
+    fn repaired_texels(&self, submitted: &Submitted, index: usize) -> Result<u64, RunError> {
+        let recipe = &self.plan.systems[index].recipe;
+        let keys = self.plan.prepared.iter().zip(&submitted.repaired);
+        let (_, &slot) = keys
+            .into_iter()
+            .find(|(key, _)| **key == (recipe.source, recipe.domain))
+            .expect("planned for this recipe");
+        let bytes = submitted.readback.bytes(slot)?;
+        Ok(u64::from(u32::from_le_bytes(std::array::from_fn(|i| bytes[i]))))
+    }
+
+    fn add(&mut self, stage: &'static str, ms: f64) {
+        *self.stages_ms.entry(stage).or_default() += ms;
+    }
+
+    /// The report of everything scored.
+    pub fn into_report(mut self, hash: String, n_decoders: usize, total_ms: f64) -> Report {
+        self.stages_ms.entry("decode").and_modify(|ms| *ms /= n_decoders as f64);
+        self.stages_ms.insert("total", total_ms);
+        let (plan, sequence) = (self.plan, self.sequence);
+        Report {
+            sequence: SequenceInfo {
+                name: sequence.name().to_owned(),
+                hash,
+                render_size: sequence.render_size(),
+                output_size: sequence.output_size(),
+                n_frames: plan.n_frames,
+            },
+            adapter: self.gpu.info(),
+            revision: env!("AFTERIMAGE_REVISION").to_owned(),
+            metric_versions: plan
+                .metrics
+                .iter()
+                .map(|metric| (metric.id().to_owned(), metric.info().version))
+                .collect(),
+            stages_ms: self
+                .stages_ms
+                .into_iter()
+                .map(|(stage, ms)| (stage.to_owned(), ms))
+                .collect(),
+            reports: plan
+                .systems
+                .iter()
+                .zip(self.gathered)
+                .map(|(system, gathered)| PresetReport {
+                    preset: system.preset.clone(),
+                    parameters: system.recipe.to_json(),
+                    notes: system.notes.clone(),
+                    summary: summaries(&plan.metrics, &gathered.frames),
+                    times_ms: gathered
+                        .pass_times_ms
+                        .iter()
+                        .filter_map(|(pass, ms)| Some(((*pass).to_owned(), summary(ms)?)))
+                        .collect(),
+                    frames: gathered.frames,
+                })
+                .collect(),
+        }
+    }
+}
+
+fn count_non_finite(image: &Image<Rgb>) -> u64 {
+    let is_bad = |pixel: &&Rgb| !pixel.iter().all(|channel| channel.is_finite());
+    image.pixels().iter().filter(is_bad).count() as u64
+}
+
+fn summaries(metrics: &[Metric], frames: &[FrameReport]) -> BTreeMap<String, Summary> {
+    let value = |frame: &FrameReport, metric: &Metric| frame.metrics.get(metric.id()).copied();
+    metrics
+        .iter()
+        .map(|metric| {
+            let settled = frames.iter().filter(|frame| !frame.warmup);
+            let values = settled.filter_map(|frame| value(frame, metric)).collect::<Vec<Value>>();
+            (metric.id().to_owned(), Summary::new(*metric, values))
+        })
+        .collect()
+}

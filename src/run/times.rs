@@ -1,0 +1,58 @@
+//! Measuring, and condensing what was measured.
+
+use super::report::TimeSummary;
+use std::time::Instant;
+
+/// Runs `work` and returns its wall time in milliseconds beside its result.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, milliseconds_since(start))
+}
+
+/// Wall time since `start`.
+pub fn milliseconds_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+/// CPU time that the calling thread has used, milliseconds.
+pub fn thread_cpu_ms() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
+}
+
+/// The middle value; of an even number, the mean of the two in the middle. NaN of none.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len();
+    match (n, n % 2) {
+        (0, _) => f64::NAN,
+        (_, 0) => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
+        _ => sorted[n / 2],
+    }
+}
+
+/// None where nothing was measured.
+pub fn summary(values: &[f64]) -> Option<TimeSummary> {
+    let median_ms = median(values);
+    let deviations: Vec<_> = values.iter().map(|value| (value - median_ms).abs()).collect();
+    (!values.is_empty()).then(|| TimeSummary {
+        median: median_ms,
+        min: values.iter().copied().fold(f64::INFINITY, f64::min),
+        mad: median(&deviations),
+        n: values.len(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summaries_are_robust_against_one_slow_frame() {
+        let found = summary(&[1.0, 2.0, 3.0, 1000.0]).unwrap();
+        assert_eq!((found.median, found.min, found.mad, found.n), (2.5, 1.0, 1.0, 4));
+        assert!(summary(&[]).is_none());
+    }
+}
