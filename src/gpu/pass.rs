@@ -24,8 +24,15 @@ pub struct Pass {
 #[derive(Debug)]
 struct Binding {
     index: u32,
-    /// Present for uniforms: size in bytes and byte offset of each field.
-    uniform: Option<(u32, BTreeMap<String, u32>)>,
+    uniform: Option<UniformLayout>,
+}
+
+#[derive(Debug)]
+struct UniformLayout {
+    /// Bytes.
+    size: u32,
+    /// Byte offset and size of each field.
+    fields: BTreeMap<String, (u32, u32)>,
 }
 
 /// One field of a uniform.
@@ -264,24 +271,31 @@ impl Pass {
     }
 
     fn uniform_buffer(&self, gpu: &Gpu, name: &str, fields: &[(&str, UniformValue)]) -> Result<wgpu::Buffer, GpuError> {
-        let Some((size, offsets)) = &self.binding(name)?.uniform else {
+        let Some(layout) = &self.binding(name)?.uniform else {
             return Err(self.error(format!("`{name}` is not a uniform")));
         };
-        if let Some(missing) = offsets.keys().find(|field| !fields.iter().any(|(set, _)| set == field)) {
+        if let Some(missing) = layout
+            .fields
+            .keys()
+            .find(|field| !fields.iter().any(|(set, _)| set == field))
+        {
             return Err(self.error(format!("`{name}.{missing}` is not set")));
         }
-        let mut bytes = vec![0; *size as usize];
+        let mut bytes = vec![0; layout.size as usize];
         for (field, value) in fields {
-            let offset = *offsets
+            let &(offset, size) = layout
+                .fields
                 .get(*field)
-                .ok_or_else(|| self.error(format!("`{name}` has no field `{field}`")))?
-                as usize;
+                .ok_or_else(|| self.error(format!("`{name}` has no field `{field}`")))?;
             let value = value.bytes();
-            bytes[offset..offset + value.len()].copy_from_slice(value);
+            if value.len() != size as usize {
+                return Err(self.error(format!("`{name}.{field}` has {size} bytes, not {}", value.len())));
+            }
+            bytes[offset as usize..][..value.len()].copy_from_slice(value);
         }
         let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(name),
-            size: u64::from(*size),
+            size: u64::from(layout.size),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
@@ -317,7 +331,7 @@ impl Reflection {
             if uses[handle].is_empty() {
                 continue;
             }
-            let uniform = (variable.space == naga::AddressSpace::Uniform).then(|| fields(&module, variable.ty));
+            let uniform = (variable.space == naga::AddressSpace::Uniform).then(|| uniform_layout(&module, variable.ty));
             bindings.insert(
                 name.clone(),
                 Binding {
@@ -339,16 +353,18 @@ impl Reflection {
     }
 }
 
-/// Size of a uniform struct in bytes, and the offset of each field.
-fn fields(module: &naga::Module, ty: naga::Handle<naga::Type>) -> (u32, BTreeMap<String, u32>) {
-    match &module.types[ty].inner {
-        naga::TypeInner::Struct { members, span } => {
-            let offsets = members
-                .iter()
-                .filter_map(|member| member.name.clone().map(|name| (name, member.offset)))
-                .collect();
-            (*span, offsets)
-        }
-        _ => (0, BTreeMap::new()),
+/// Size of a uniform struct, and where its fields lie.
+fn uniform_layout(module: &naga::Module, ty: naga::Handle<naga::Type>) -> UniformLayout {
+    let layout = |handle: naga::Handle<naga::Type>| module.types[handle].inner.size(module.to_ctx());
+    let members = match &module.types[ty].inner {
+        naga::TypeInner::Struct { members, .. } => members.as_slice(),
+        _ => &[],
+    };
+    UniformLayout {
+        size: layout(ty),
+        fields: members
+            .iter()
+            .filter_map(|member| Some((member.name.clone()?, (member.offset, layout(member.ty)))))
+            .collect(),
     }
 }

@@ -42,6 +42,7 @@ pub enum HistoryFilter {
     /// 4×4 Catmull-Rom spline.
     CatmullRom,
     /// The spline without its corners, as five bilinear taps.
+    #[serde(rename = "catmull_rom_5")]
     CatmullRom5,
 }
 
