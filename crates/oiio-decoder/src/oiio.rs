@@ -92,13 +92,13 @@ pub struct Input<'a> {
 }
 
 impl Input<'_> {
-    /// Makes `part` current; none where the file has no more.
-    pub fn part(&mut self, part: i32) -> Result<Option<PartSpec>, String> {
+    /// Makes `part` current. OpenImageIO gives no sure way to tell a damaged part from none.
+    pub fn part(&mut self, part: i32) -> Result<PartSpec, String> {
         let mut spec = PartSpec::default();
         // SAFETY: the input is open and `spec` is a `PartSpec` that may be written.
         match unsafe { shim_part(self.raw.as_ptr(), part, &mut spec) } {
-            0 => Some(error()).filter(|error| !error.is_empty()).map_or(Ok(None), Err),
-            _ => Ok(Some(spec)),
+            0 => Err(error()),
+            _ => Ok(spec),
         }
     }
 
@@ -123,7 +123,7 @@ impl Input<'_> {
 
     /// Channels `begin..end` of a part of `n_pixels`, interleaved, as `base`, which must have the size of `T`.
     pub fn read<T: Sample>(&mut self, part: i32, begin: i32, end: i32, n_pixels: usize) -> Result<Vec<T>, String> {
-        let spec = self.part(part)?.ok_or("it has fewer parts than before")?;
+        let spec = self.part(part)?;
         let same_size = i64::from(spec.data[2]) * i64::from(spec.data[3]) == n_pixels as i64;
         if spec.is_flat == 0 || !same_size || begin < 0 || begin >= end || end > spec.n_channels {
             return Err("it changed while it was read".into());

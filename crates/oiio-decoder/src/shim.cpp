@@ -81,14 +81,12 @@ void shim_close(OIIO::ImageInput* input)
     guarded([&] { delete input; return true; });
 }
 
-// Fails without an error where there is no such part.
+// Makes a part current and describes it.
 int shim_part(OIIO::ImageInput* input, int32_t part, PartSpec* out)
 {
     return guarded([&] {
-        if (!input->seek_subimage(part, 0)) {
-            last_error = input->geterror();
-            return false;
-        }
+        if (!input->seek_subimage(part, 0))
+            return fail(input->geterror());
         const OIIO::ImageSpec& spec = input->spec();
         *out = { { spec.x, spec.y, spec.width, spec.height },
                  { spec.full_x, spec.full_y, spec.full_width, spec.full_height },

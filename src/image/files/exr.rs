@@ -17,54 +17,61 @@ use ::exr::meta::{BlockDescription, MetaData, attribute};
 use half::slice::{HalfBitsSliceExt as _, HalfFloatSliceExt as _};
 use rayon::prelude::*;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+/// Blocks that are in memory at once: enough for all threads, and little enough that the allocator reuses theirs.
+const BATCH: usize = 64;
+
 /// Headers of all parts.
 pub(super) fn describe(path: &Path, file: &File) -> Result<Header, ImageError> {
-    guard(path, || {
-        let reader = open(path, file)?;
-        Ok(Header {
-            parts: reader
-                .headers()
-                .iter()
-                .map(part)
-                .collect::<Result<_, _>>()
-                .map_err(unsupported(path))?,
-        })
-    })
+    guard(path, || header(path, &open(path, file)?))
 }
 
-/// Planes of the data windows, in the order of `wanted`. The header must have passed the limits.
+/// Planes of the data windows, in the order of `wanted`. `described` must have passed the limits.
 pub(super) fn read(
     path: &Path,
     file: &File,
     limits: &Limits,
+    described: &Header,
     wanted: &[PlaneRequest],
 ) -> Result<Vec<Plane>, ImageError> {
     guard(path, || {
         let reader = open(path, file)?;
+        if header(path, &reader)? != *described {
+            return Err(ImageError::damaged(path, "it changed while it was read"));
+        }
         for plane in wanted {
             check_blocks(path, &reader.headers()[plane.part], limits)?;
         }
-        let chunks = reader
-            .filter_chunks(false, |_, tile, block| {
+        // Pedantic about the table of offsets only: an entry that stands there twice would leave a black block.
+        let mut chunks = reader
+            .filter_chunks(true, |_, tile, block| {
                 tile.is_largest_resolution_level() && wanted.iter().any(|plane| plane.part == block.layer)
             })
             .map_err(damaged(path))?;
         let meta = chunks.meta_data().clone();
-        let chunks: Vec<Chunk> = chunks.collect::<Result<_, _>>().map_err(damaged(path))?;
-        let blocks: Vec<DecodedBlock> = chunks
-            .into_par_iter()
-            .map(|chunk| DecodedBlock::decode(chunk, &meta, wanted))
-            .collect::<Result<_, _>>()
-            .map_err(damaged(path))?;
-        assemble(path, &meta, wanted, &blocks)
+        let mut planes: Vec<Plane> = wanted.iter().map(blank).collect();
+        loop {
+            let batch = chunks.by_ref().take(BATCH).collect::<Result<Vec<Chunk>, _>>();
+            let batch = batch.map_err(damaged(path))?;
+            if batch.is_empty() {
+                return Ok(planes);
+            }
+            let blocks: Vec<DecodedBlock> = batch
+                .into_par_iter()
+                .map(|chunk| DecodedBlock::decode(chunk, &meta, wanted))
+                .collect::<Result<_, _>>()
+                .map_err(damaged(path))?;
+            for block in blocks {
+                block.copy_to(&mut planes, &meta);
+            }
+        }
     })
 }
 
-/// The crate indexes and asserts on what a damaged file claims; a panic there is that file's error, not ours.
+/// A panic of the crate is the file's error, not ours: where overflow is checked, damaged B44 panics.
 fn guard<T>(path: &Path, read: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(ImageError::damaged(path, "the decoder gave up")))
 }
@@ -80,8 +87,11 @@ fn damaged(path: &Path) -> impl Fn(Error) -> ImageError + '_ {
     }
 }
 
-fn unsupported(path: &Path) -> impl Fn(String) -> ImageError + '_ {
-    move |what| ImageError::unsupported(path, what)
+fn header<R: Read + Seek>(path: &Path, reader: &Reader<R>) -> Result<Header, ImageError> {
+    let parts: Result<_, _> = reader.headers().iter().map(part).collect();
+    parts
+        .map(|parts| Header { parts })
+        .map_err(|what| ImageError::unsupported(path, what))
 }
 
 /// The part, or what about it is not decoded here.
@@ -191,6 +201,18 @@ impl DecodedBlock {
             planes,
         })
     }
+
+    /// `planes` have the types and sizes that the same header gave.
+    fn copy_to(self, planes: &mut [Plane], meta: &MetaData) {
+        let at = (self.x, self.y, self.width, meta.headers[self.part].layer_size.width());
+        for (index, samples) in self.planes {
+            match (&mut planes[index], &samples) {
+                (Plane::F32(plane), Plane::F32(samples)) => copy_block(plane, samples, at),
+                (Plane::U32(plane), Plane::U32(samples)) => copy_block(plane, samples, at),
+                _ => unreachable!("a channel keeps its type"),
+            }
+        }
+    }
 }
 
 fn bytes_per_sample(channel: &attribute::ChannelDescription) -> usize {
@@ -220,31 +242,11 @@ fn samples<'d>(kind: attribute::SampleType, lines: impl Iterator<Item = &'d [u8]
     }
 }
 
-fn assemble(
-    path: &Path,
-    meta: &MetaData,
-    wanted: &[PlaneRequest],
-    blocks: &[DecodedBlock],
-) -> Result<Vec<Plane>, ImageError> {
-    let mut planes: Vec<Plane> = wanted
-        .iter()
-        .map(|plane| match plane.integer {
-            true => Plane::U32(vec![0; plane.n_pixels]),
-            false => Plane::F32(vec![0.0; plane.n_pixels]),
-        })
-        .collect();
-    for block in blocks {
-        let part_width = meta.headers[block.part].layer_size.width();
-        for (index, samples) in &block.planes {
-            let at = (block.x, block.y, block.width, part_width);
-            match (&mut planes[*index], samples) {
-                (Plane::F32(plane), Plane::F32(samples)) => copy_block(plane, samples, at),
-                (Plane::U32(plane), Plane::U32(samples)) => copy_block(plane, samples, at),
-                _ => return Err(ImageError::damaged(path, "changed while it was read")),
-            }
-        }
+fn blank(plane: &PlaneRequest) -> Plane {
+    match plane.integer {
+        true => Plane::U32(vec![0; plane.n_pixels]),
+        false => Plane::F32(vec![0.0; plane.n_pixels]),
     }
-    Ok(planes)
 }
 
 fn copy_block<T: Copy>(plane: &mut [T], samples: &[T], (x, y, width, part_width): (usize, usize, usize, usize)) {

@@ -139,8 +139,7 @@ impl FileReader {
         let mut source = Source::open(path)?;
         self.dispatch(&mut source, |source, by| {
             let header = self.header(source, by)?;
-            let wanted: Result<Vec<_>, _> = channels.iter().map(|name| header.locate(path, name)).collect();
-            self.planes(source, by, &header, &wanted?)
+            self.planes(source, by, &header, &locate_all(path, &header, channels)?)
         })
     }
 
@@ -153,8 +152,8 @@ impl FileReader {
     pub fn extent(&self, path: &Path, channels: &[String]) -> Result<Extent, ImageError> {
         self.dispatch(&mut Source::open(path)?, |source, by| {
             let header = self.header(source, by)?;
-            let wanted: Result<Vec<_>, _> = channels.iter().map(|name| header.locate(path, name)).collect();
-            Ok(common_display_window(path, &header, &wanted?)?.extent())
+            let wanted = locate_all(path, &header, channels)?;
+            Ok(common_display_window(path, &header, &wanted)?.extent())
         })
     }
 
@@ -216,8 +215,8 @@ impl FileReader {
         source.file.rewind().map_err(ImageError::io(source.path))?;
         let planes = match (by, source.format) {
             (Backend::OpenImageIo, format) => self.decoder.read(source.path, format, wanted)?,
-            (_, Format::Exr) => exr::read(source.path, &source.file, &self.limits, wanted)?,
-            (_, _) => png::read(source.path, &source.file, &self.limits, wanted)?,
+            (_, Format::Exr) => exr::read(source.path, &source.file, &self.limits, header, wanted)?,
+            (_, _) => png::read(source.path, &source.file, &self.limits, header, wanted)?,
         };
         let placed = planes.into_iter().zip(wanted);
         Ok(Planes {
@@ -252,6 +251,10 @@ impl<'a> Source<'a> {
     }
 }
 
+fn locate_all(path: &Path, header: &Header, channels: &[String]) -> Result<Vec<PlaneRequest>, ImageError> {
+    channels.iter().map(|name| header.locate(path, name)).collect()
+}
+
 fn common_display_window(path: &Path, header: &Header, wanted: &[PlaneRequest]) -> Result<Window, ImageError> {
     let name = |plane: &PlaneRequest| header.parts[plane.part].channels[plane.channel].name.clone();
     let window = |plane: &PlaneRequest| header.parts[plane.part].display;
@@ -279,4 +282,43 @@ fn interleave(path: &Path, planes: Planes, sample: SampleType) -> Result<RgbFile
         image: Image::from_pixels(planes.extent, pixels),
         sample,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_that_are_framed_differently_cannot_be_read_together() {
+        let part = |name: &str, width| Part {
+            name: name.to_owned(),
+            data: Window {
+                x: 0,
+                y: 0,
+                width: 2,
+                height: 2,
+            },
+            display: Window {
+                x: 0,
+                y: 0,
+                width,
+                height: 2,
+            },
+            channels: vec![Channel {
+                name: name.to_owned(),
+                sample: SampleType::F16,
+            }],
+        };
+        let header = Header {
+            parts: vec![part("color", 2), part("depth", 3), part("motion", 2)],
+        };
+        let path = Path::new("a.exr");
+        let wanted = ["color", "motion", "depth"].map(|name| header.locate(path, name).expect("is there"));
+        let window = common_display_window(path, &header, &wanted[..2]).expect("the same");
+        assert_eq!(window.extent(), Extent::new(2, 2));
+        let error = common_display_window(path, &header, &wanted)
+            .expect_err("they differ")
+            .to_string();
+        assert!(error.contains("a.exr: `depth` has the display window 3×2"), "{error}");
+    }
 }

@@ -34,40 +34,23 @@ fn encode_to(writer: impl Write, image: &Image<[u8; 3]>) -> Result<(), PngError>
 
 /// The one part, with the channel names that OpenImageIO gives.
 pub(super) fn describe(path: &Path, file: &File) -> Result<Header, ImageError> {
-    let decoder = PngDecoder::new(BufReader::new(file)).map_err(failed(path))?;
-    let (width, height) = decoder.dimensions();
-    let window = Window {
-        x: 0,
-        y: 0,
-        width,
-        height,
-    };
-    let (names, sample) = layout(path, decoder.color_type())?;
-    let channel = |name: &&str| Channel {
-        name: (*name).to_owned(),
-        sample,
-    };
-    let channels = names.iter().map(channel).collect();
-    Ok(Header {
-        parts: vec![Part {
-            name: String::new(),
-            data: window,
-            display: window,
-            channels,
-        }],
-    })
+    header(path, &PngDecoder::new(BufReader::new(file)).map_err(failed(path))?)
 }
 
-/// The wanted channels. The header must have passed the limits.
+/// The wanted channels. `described` must have passed the limits.
 pub(super) fn read(
     path: &Path,
     file: &File,
     limits: &Limits,
+    described: &Header,
     wanted: &[PlaneRequest],
 ) -> Result<Vec<Plane>, ImageError> {
     let mut decoder_limits = ::image::Limits::no_limits();
     decoder_limits.max_alloc = Some(limits.max_bytes);
     let decoder = PngDecoder::with_limits(BufReader::new(file), decoder_limits).map_err(failed(path))?;
+    if header(path, &decoder)? != *described {
+        return Err(ImageError::damaged(path, "it changed while it was read"));
+    }
     let (names, sample) = layout(path, decoder.color_type())?;
     let n_bytes = usize::try_from(decoder.total_bytes()).map_err(|error| ImageError::damaged(path, error))?;
     let mut bytes = vec![0; n_bytes];
@@ -87,6 +70,32 @@ pub(super) fn read(
         }
     };
     Ok(wanted.iter().map(plane).collect())
+}
+
+fn header(path: &Path, decoder: &impl ImageDecoder) -> Result<Header, ImageError> {
+    let (width, height) = decoder.dimensions();
+    let window = Window {
+        x: 0,
+        y: 0,
+        width,
+        height,
+    };
+    let (names, sample) = layout(path, decoder.color_type())?;
+    let channels = names
+        .iter()
+        .map(|&name| Channel {
+            name: name.to_owned(),
+            sample,
+        })
+        .collect();
+    Ok(Header {
+        parts: vec![Part {
+            name: String::new(),
+            data: window,
+            display: window,
+            channels,
+        }],
+    })
 }
 
 fn layout(path: &Path, color: ColorType) -> Result<(&'static [&'static str], SampleType), ImageError> {
