@@ -188,6 +188,11 @@ impl Unpacker<'_> {
         }
     }
 
+    fn name(&self, raw: &[u8]) -> Result<String, ArchiveError> {
+        String::from_utf8(raw.to_vec())
+            .map_err(|_| self.refused(&String::from_utf8_lossy(raw), "has a name that is not UTF-8"))
+    }
+
     fn tar(&mut self, reader: impl Read) -> Result<(), ArchiveError> {
         let allowance = Cell::new(MAX_TAR_HEADER_BYTES);
         let mut tar = tar::Archive::new(Metered {
@@ -201,9 +206,7 @@ impl Unpacker<'_> {
                 return Ok(());
             };
             let mut entry = entry.map_err(|error| unreadable(self.archive, error))?;
-            let raw_name = entry.path_bytes().into_owned();
-            let name = String::from_utf8(raw_name)
-                .map_err(|error| self.refused(&error.to_string(), "has a name that is not UTF-8"))?;
+            let name = self.name(&entry.path_bytes())?;
             let kind = entry.header().entry_type();
             // A body is padded to whole blocks.
             allowance.set(self.n_bytes_left.saturating_add(1024));
@@ -223,9 +226,7 @@ impl Unpacker<'_> {
         let mut zip = zip::ZipArchive::new(reader).map_err(|error| unreadable(self.archive, error))?;
         for index in 0..zip.len() {
             let mut entry = zip.by_index(index).map_err(|error| unreadable(self.archive, error))?;
-            let raw_name = entry.name_raw().to_vec();
-            let name = String::from_utf8(raw_name)
-                .map_err(|error| self.refused(&error.to_string(), "has a name that is not UTF-8"))?;
+            let name = self.name(entry.name_raw())?;
             if entry.is_symlink() {
                 return Err(self.refused(&name, "is a link or a device; only files and folders are allowed"));
             } else if entry.is_dir() {
