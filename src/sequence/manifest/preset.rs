@@ -1,8 +1,9 @@
 //! What each engine is known to write. A preset is a JSON object laid under the user's: a field that the user gives
 //! wins, a null included; and a section that names files is filled only where the user has it.
 //!
-//! Read from the engines' sources and integration guides. Where an engine leaves a matter to the application (such as
-//! whether depth is reversed) the preset is silent and the schema's default holds.
+//! A preset is a starting point, not proof: only Blender's has been held against frames that its engine wrote. Where an
+//! engine leaves a matter to the application (such as whether depth is reversed) the preset is silent and the schema's
+//! default holds.
 
 use super::ManifestError;
 use serde::Deserialize;
@@ -24,7 +25,8 @@ pub enum Preset {
     ArmNss,
     /// Unity: motion of the graphics interfaces whose texture coordinates start at the top.
     Unity,
-    /// Unreal: velocity as its G-buffer encodes it in [0, 1], where x = 0 means "none written".
+    /// Unreal: velocity as version 4's G-buffer encodes it in [0, 1], where x = 0 means "none written". Version 5 takes
+    /// a square root first, which no scale and bias undo: decode it, and set scale, bias and `invalid_value`.
     Unreal,
     /// Godot 4.
     Godot,
