@@ -20,6 +20,7 @@ use std::{
 };
 
 pub mod display;
+pub mod gpu;
 pub mod map;
 mod shown;
 mod squared_error;
@@ -280,7 +281,7 @@ impl Quantity {
 struct Sums {
     /// Σ (T−R)², or Σ SSIM.
     total: f64,
-    /// Σ R², with squared errors only.
+    /// Σ R², with squared errors of display values only.
     reference: f64,
     /// How many samples.
     n: usize,

@@ -1,12 +1,13 @@
-//! The metrics against independent implementations: `fixtures/golden`, whose README says what made each value.
+//! The metrics, on the CPU and on the GPU, against independent implementations: `fixtures/golden`, whose README says what made each value.
 
+use crate::support::{gpu_scores, noise};
 use afterimage::{
     compare::{Comparison, Criteria, compare},
     image::{
-        Image,
+        Extent, Image,
         files::{Backend, FileReader, Limits},
     },
-    metrics::{Display, Metric, Reference, Value, Values},
+    metrics::{Display, Metric, Reference, Tonemap, Value, Values, display::linear_from_srgb},
 };
 use serde::Deserialize;
 use std::{
@@ -166,4 +167,93 @@ fn hdr_pair_matches_the_published_values() {
     assert_agree("psnr", scores.values["psnr"], Value(expected("psnr_clip_srgb")));
     let linear_db = Value(-10.0 * libm::log10(expected("mse")));
     assert_agree("psnr.linear", scores.values["psnr.linear"], linear_db);
+}
+
+/// Of GPU metrics: dB, then units of the index.
+fn gpu_tolerance(metric: Metric) -> f64 {
+    if metric.info().unit == "dB" {
+        1e-3
+    } else {
+        1e-5
+    }
+}
+
+/// The linear image that a display shows as these 8-bit codes.
+fn linear(name: &str) -> Image<[f32; 3]> {
+    let encoded = reader().read_rgb(&fixture(name)).unwrap().image;
+    encoded.map(|pixel| pixel.map(|c| linear_from_srgb(f64::from(c)) as f32))
+}
+
+#[test]
+fn gpu_matches_published_implementations() {
+    let additional: Additional = json("additional.json");
+    for (pair, reference) in PAIRS {
+        let (reference, test) = (
+            linear(&format!("{reference}_ref.png")),
+            linear(&format!("{pair}_test.png")),
+        );
+        let actual = gpu_scores(&reference, &test, Display::default(), &Metric::ALL).values;
+        for (metric, expected) in &additional.pairs8[pair] {
+            let (actual, expected) = (actual[metric.id()].0, expected.0);
+            assert!(
+                agree(actual, expected, gpu_tolerance(*metric)),
+                "{pair}: {metric}: {actual}, not {expected}"
+            );
+        }
+    }
+    let (reference, test) = (hdr("hdr_ref.exr"), hdr("hdr_test.exr"));
+    for HdrValues { display, values } in additional.hdr {
+        let actual = gpu_scores(&reference, &test, display, &Metric::ALL).values;
+        for (metric, expected) in values {
+            let (actual, expected) = (actual[metric.id()].0, expected.0);
+            assert!(
+                agree(actual, expected, gpu_tolerance(metric)),
+                "{display:?} {metric}: {actual}, not {expected}"
+            );
+        }
+    }
+}
+
+/// Sizes that fill no workgroup, dark and bright images, errors from gross to the last bit of f16.
+#[test]
+fn gpu_matches_the_cpu_on_odd_sizes_and_small_errors() {
+    let display = Display {
+        exposure: 0.7,
+        tonemap: Tonemap::Aces,
+    };
+    for (width, height) in [(11, 11), (61, 37), (129, 12), (12, 150), (320, 180)] {
+        for error in [1.0, 1e-2, 5e-4] {
+            let extent = Extent::new(width, height);
+            let reference = Image::from_fn(extent, |x, y| {
+                [
+                    x as f32 / width as f32,
+                    noise(x, y, 1),
+                    8.0 * noise(x / 9, y / 7, 2),
+                ]
+            });
+            let test = Image::from_fn(extent, |x, y| {
+                reference
+                    .at(x, y)
+                    .map(|c| c * (1.0 + error * (noise(x, y, 3) - 0.5)))
+            });
+            let cpu = Reference::new(&reference, display, &Metric::ALL)
+                .evaluate(&test)
+                .unwrap();
+            let gpu = gpu_scores(&reference, &test, display, &Metric::ALL);
+            // A value that f32 puts on the other side of a rounding boundary changes Σ(T−R)² by about 1. Two may.
+            let codes_error = 255.0 * 255.0 * libm::pow(10.0, -0.1 * cpu.values["psnr.u8"].0);
+            let two_codes_db =
+                10.0 * libm::log10(1.0 + 2.0 / (codes_error * 3.0 * extent.n_pixels() as f64));
+            for metric in Metric::ALL {
+                let (cpu, gpu) = (cpu.values[metric.id()].0, gpu.values[metric.id()].0);
+                let rounding = if metric == Metric::PsnrU8 {
+                    two_codes_db
+                } else {
+                    0.0
+                };
+                let close = agree(gpu, cpu, gpu_tolerance(metric) + rounding);
+                assert!(close, "{extent}, error {error}: {metric}: {gpu}, CPU {cpu}");
+            }
+        }
+    }
 }

@@ -1,1 +1,215 @@
-//! negative_controls
+//! What must fail, fails: every metric on known-bad input, on the CPU and on the GPU.
+
+use crate::{
+    golden::{PAIRS, agree, fixture, hdr, reader, scores},
+    support::{gpu_scores, noise},
+};
+use afterimage::{
+    compare::{CompareError, Comparison, Criteria, compare},
+    image::{
+        Extent, Image,
+        files::exr::{FloatFormat, write_rgb_exr},
+    },
+    metrics::{Display, FrameScores, Metric, Reference},
+    sequence::frame::Rgb,
+};
+
+const EXTENT: Extent = Extent::new(67, 41);
+
+fn picture() -> Image<Rgb> {
+    Image::from_fn(EXTENT, |x, y| {
+        [
+            noise(x / 3, y / 3, 1),
+            0.5 * noise(x, y, 2),
+            y as f32 / 41.0,
+        ]
+    })
+}
+
+fn noisy(amplitude: f32) -> Image<Rgb> {
+    let picture = picture();
+    Image::from_fn(EXTENT, |x, y| {
+        picture
+            .at(x, y)
+            .map(|c| c + amplitude * (noise(x, y, 5) - 0.5))
+    })
+}
+
+fn on_cpu(reference: &Image<Rgb>, test: &Image<Rgb>) -> FrameScores {
+    Reference::new(reference, Display::default(), &Metric::ALL)
+        .evaluate(test)
+        .unwrap()
+}
+
+fn on_gpu(reference: &Image<Rgb>, test: &Image<Rgb>) -> FrameScores {
+    gpu_scores(reference, test, Display::default(), &Metric::ALL)
+}
+
+/// The golden comparison is only worth something if it can say no.
+#[test]
+fn the_golden_comparison_tells_pairs_apart() {
+    for (pair, _) in PAIRS.into_iter().filter(|&(pair, _)| pair != "noise") {
+        let (right, wrong) = (
+            scores("base_ref.png", "noise_test.png"),
+            scores("base_ref.png", &format!("{pair}_test.png")),
+        );
+        for metric in Metric::ALL {
+            assert!(
+                !agree(wrong[metric.id()].0, right[metric.id()].0, 1e-5),
+                "{metric} of {pair} passes for noise"
+            );
+        }
+    }
+    assert!(!agree(f64::NAN, f64::NAN, 1.0) && !agree(f64::INFINITY, 99.0, 1e9));
+}
+
+/// Only `snr` knows which image is the reference.
+#[test]
+fn swapping_changes_snr_alone() {
+    let (a, b) = (picture(), noisy(0.5));
+    let (forth, back) = (on_cpu(&a, &b), on_cpu(&b, &a));
+    for metric in Metric::ALL {
+        let same = forth.values[metric.id()] == back.values[metric.id()];
+        assert_eq!(same, metric != Metric::Snr, "{metric}");
+    }
+}
+
+#[test]
+fn a_shift_by_one_pixel_is_seen_by_every_metric() {
+    let picture = picture();
+    let shifted = Image::from_fn(EXTENT, |x, y| {
+        picture.clamped(i64::from(x) - 1, i64::from(y))
+    });
+    for scores in [on_cpu, on_gpu] {
+        let (right, wrong) = (scores(&picture, &noisy(0.02)), scores(&picture, &shifted));
+        for metric in Metric::ALL {
+            let [right, wrong] = [&right, &wrong].map(|scores| scores.values[metric.id()].0);
+            let worse = match metric {
+                Metric::Mse | Metric::Rmse => wrong > 10.0 * right,
+                Metric::Ssim | Metric::SsimY | Metric::SsimU8 => wrong < right - 0.1,
+                _ => wrong < right - 6.0,
+            };
+            assert!(worse, "{metric}: shifted {wrong}, right {right}");
+        }
+    }
+}
+
+/// One pixel in either image, with everything else equal: no metric may come out perfect, or as any number at all.
+#[test]
+fn a_non_finite_pixel_spoils_every_metric_and_is_counted() {
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for at in [0, 66, 41 * 67 / 2, 41 * 67 - 1] {
+            let (good, mut spoilt) = (picture(), picture());
+            spoilt.pixels_mut()[at][1] = bad;
+            for (reference, test) in [(&good, &spoilt), (&spoilt, &good), (&spoilt, &spoilt)] {
+                for scores in [on_cpu(reference, test), on_gpu(reference, test)] {
+                    assert_eq!(scores.non_finite_pixels, 1, "{bad} at {at}");
+                    assert!(
+                        scores.values.values().all(|value| value.0.is_nan()),
+                        "{bad} at {at}: {scores:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn bad_pixels_of_both_images_are_counted_once() {
+    let (mut a, mut b) = (picture(), picture());
+    for at in [3, 4] {
+        a.pixels_mut()[at][0] = f32::NAN;
+    }
+    for at in [4, 5] {
+        b.pixels_mut()[at][2] = f32::INFINITY;
+    }
+    assert_eq!(
+        [on_cpu(&a, &b), on_gpu(&a, &b)].map(|scores| scores.non_finite_pixels),
+        [3, 3]
+    );
+}
+
+#[test]
+fn images_that_do_not_fit_are_refused_by_name() {
+    let small = |metrics: &[Metric], width, height| {
+        let image = Image::filled(Extent::new(width, height), [0.5; 3]);
+        Reference::new(&image, Display::default(), metrics).evaluate(&image)
+    };
+    assert!(small(&Metric::ALL, 11, 11).is_ok());
+    assert!(small(&[Metric::Psnr], 1, 1).is_ok());
+    for (width, height) in [(10, 50), (50, 10)] {
+        let error = small(&[Metric::Psnr, Metric::SsimY], width, height)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("`ssim.y`") && error.contains(&format!("{width}×{height}")),
+            "{error}"
+        );
+    }
+}
+
+fn criteria() -> Criteria {
+    Criteria {
+        metrics: vec![Metric::Psnr],
+        display: Display::default(),
+    }
+}
+
+#[test]
+fn compare_names_what_does_not_match() {
+    let error = |a: &str, b: &str| {
+        compare(&reader(), &fixture(a), &fixture(b), &criteria())
+            .unwrap_err()
+            .to_string()
+    };
+    assert!(error("base_ref.png", "missing.png").contains("missing.png"));
+    assert!(error("base_ref.png", ".").contains("two images or two folders"));
+
+    let [a, b] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let compare_folders = || compare(&reader(), a.path(), b.path(), &criteria());
+    assert!(matches!(compare_folders(), Err(CompareError::Empty(_))));
+    let copy = |folder: &tempfile::TempDir, name: &str, from: &str| {
+        std::fs::copy(fixture(from), folder.path().join(name)).unwrap();
+    };
+    copy(&a, "1.png", "base_ref.png");
+    copy(&b, "1.png", "identical_test.png");
+    copy(&a, "2.png", "base_ref.png");
+    let message = compare_folders().unwrap_err().to_string();
+    assert!(
+        message.contains("2.png") && message.contains(&b.path().display().to_string()),
+        "{message}"
+    );
+
+    copy(&b, "2.png", "noise_test.png");
+    let Comparison::Folders { frames, summary } = compare_folders().unwrap() else {
+        panic!("two folders");
+    };
+    assert_eq!(
+        frames
+            .iter()
+            .map(|frame| frame.name.as_str())
+            .collect::<Vec<_>>(),
+        ["1.png", "2.png"]
+    );
+    assert_eq!(
+        (summary["psnr"].infinite, summary["psnr"].mean),
+        (1, frames[1].scores.metrics["psnr"])
+    );
+    let json = serde_json::to_value(compare_folders().unwrap()).unwrap();
+    assert_eq!(json["frames"][0]["metrics"]["psnr"], "inf");
+}
+
+#[test]
+fn compare_counts_bad_pixels() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut image = hdr("hdr_test.exr");
+    image.pixels_mut()[7][0] = f32::NAN;
+    let spoilt = folder.path().join("spoilt.exr");
+    write_rgb_exr(&spoilt, &image, FloatFormat::Float).unwrap();
+    let comparison = compare(&reader(), &fixture("hdr_ref.exr"), &spoilt, &criteria()).unwrap();
+    assert_eq!(comparison.non_finite_pixels(), 1);
+    assert_eq!(
+        serde_json::to_value(comparison).unwrap()["metrics"]["psnr"],
+        "nan"
+    );
+}
