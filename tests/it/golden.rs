@@ -171,11 +171,7 @@ fn hdr_pair_matches_the_published_values() {
 
 /// Of GPU metrics: dB, then units of the index.
 fn gpu_tolerance(metric: Metric) -> f64 {
-    if metric.info().unit == "dB" {
-        1e-3
-    } else {
-        1e-5
-    }
+    if metric.info().unit == "dB" { 1e-3 } else { 1e-5 }
 }
 
 /// The linear image that a display shows as these 8-bit codes.
@@ -225,16 +221,10 @@ fn gpu_matches_the_cpu_on_odd_sizes_and_small_errors() {
         for error in [1.0, 1e-2, 5e-4] {
             let extent = Extent::new(width, height);
             let reference = Image::from_fn(extent, |x, y| {
-                [
-                    x as f32 / width as f32,
-                    noise(x, y, 1),
-                    8.0 * noise(x / 9, y / 7, 2),
-                ]
+                [x as f32 / width as f32, noise(x, y, 1), 8.0 * noise(x / 9, y / 7, 2)]
             });
             let test = Image::from_fn(extent, |x, y| {
-                reference
-                    .at(x, y)
-                    .map(|c| c * (1.0 + error * (noise(x, y, 3) - 0.5)))
+                reference.at(x, y).map(|c| c * (1.0 + error * (noise(x, y, 3) - 0.5)))
             });
             let cpu = Reference::new(&reference, display, &Metric::ALL)
                 .evaluate(&test)
@@ -242,15 +232,10 @@ fn gpu_matches_the_cpu_on_odd_sizes_and_small_errors() {
             let gpu = gpu_scores(&reference, &test, display, &Metric::ALL);
             // A value that f32 puts on the other side of a rounding boundary changes Σ(T−R)² by about 1. Two may.
             let codes_error = 255.0 * 255.0 * libm::pow(10.0, -0.1 * cpu.values["psnr.u8"].0);
-            let two_codes_db =
-                10.0 * libm::log10(1.0 + 2.0 / (codes_error * 3.0 * extent.n_pixels() as f64));
+            let two_codes_db = 10.0 * libm::log10(1.0 + 2.0 / (codes_error * 3.0 * extent.n_pixels() as f64));
             for metric in Metric::ALL {
                 let (cpu, gpu) = (cpu.values[metric.id()].0, gpu.values[metric.id()].0);
-                let rounding = if metric == Metric::PsnrU8 {
-                    two_codes_db
-                } else {
-                    0.0
-                };
+                let rounding = if metric == Metric::PsnrU8 { two_codes_db } else { 0.0 };
                 let close = agree(gpu, cpu, gpu_tolerance(metric) + rounding);
                 assert!(close, "{extent}, error {error}: {metric}: {gpu}, CPU {cpu}");
             }

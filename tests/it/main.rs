@@ -1,4 +1,5 @@
 //! The one integration-test binary (each binary links wgpu): a module a subject.
+#![allow(clippy::unwrap_used, reason = "helpers outside #[test] functions fail as tests do")]
 
 mod api;
 mod bad_input;

@@ -18,20 +18,14 @@ const EXTENT: Extent = Extent::new(67, 41);
 
 fn picture() -> Image<Rgb> {
     Image::from_fn(EXTENT, |x, y| {
-        [
-            noise(x / 3, y / 3, 1),
-            0.5 * noise(x, y, 2),
-            y as f32 / 41.0,
-        ]
+        [noise(x / 3, y / 3, 1), 0.5 * noise(x, y, 2), y as f32 / 41.0]
     })
 }
 
 fn noisy(amplitude: f32) -> Image<Rgb> {
     let picture = picture();
     Image::from_fn(EXTENT, |x, y| {
-        picture
-            .at(x, y)
-            .map(|c| c + amplitude * (noise(x, y, 5) - 0.5))
+        picture.at(x, y).map(|c| c + amplitude * (noise(x, y, 5) - 0.5))
     })
 }
 
@@ -77,9 +71,7 @@ fn swapping_changes_snr_alone() {
 #[test]
 fn a_shift_by_one_pixel_is_seen_by_every_metric() {
     let picture = picture();
-    let shifted = Image::from_fn(EXTENT, |x, y| {
-        picture.clamped(i64::from(x) - 1, i64::from(y))
-    });
+    let shifted = Image::from_fn(EXTENT, |x, y| picture.clamped(i64::from(x) - 1, i64::from(y)));
     for scores in [on_cpu, on_gpu] {
         let (right, wrong) = (scores(&picture, &noisy(0.02)), scores(&picture, &shifted));
         for metric in Metric::ALL {
@@ -185,10 +177,7 @@ fn compare_names_what_does_not_match() {
         panic!("two folders");
     };
     assert_eq!(
-        frames
-            .iter()
-            .map(|frame| frame.name.as_str())
-            .collect::<Vec<_>>(),
+        frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>(),
         ["1.png", "2.png"]
     );
     assert_eq!(
@@ -208,8 +197,5 @@ fn compare_counts_bad_pixels() {
     write_rgb_exr(&spoilt, &image, FloatFormat::Float).unwrap();
     let comparison = compare(&reader(), &fixture("hdr_ref.exr"), &spoilt, &criteria()).unwrap();
     assert_eq!(comparison.non_finite_pixels(), 1);
-    assert_eq!(
-        serde_json::to_value(comparison).unwrap()["metrics"]["psnr"],
-        "nan"
-    );
+    assert_eq!(serde_json::to_value(comparison).unwrap()["metrics"]["psnr"], "nan");
 }

@@ -13,9 +13,7 @@ fn score(reference: &Image<Rgb>, test: &Image<Rgb>) -> FrameScores {
         exposure: 1.0,
         tonemap: Tonemap::ReinhardMax,
     };
-    Reference::new(reference, display, &Metric::ALL)
-        .evaluate(test)
-        .unwrap()
+    Reference::new(reference, display, &Metric::ALL).evaluate(test).unwrap()
 }
 
 fn picture(extent: Extent, seed: u32) -> Image<Rgb> {
@@ -53,10 +51,7 @@ fn scores_do_not_depend_on_the_number_of_threads() {
     let extent = Extent::new(317, 179);
     let (reference, test) = (picture(extent, 1), picture(extent, 2));
     let with_threads = |n| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(n)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
         pool.install(|| score(&reference, &test))
     };
     assert_eq!(with_threads(1), with_threads(7));
@@ -65,11 +60,7 @@ fn scores_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn a_wide_strip_has_the_score_of_its_repeated_tile() {
     let extent = Extent::new(4096, 16);
-    let strip = |seed| {
-        Image::from_fn(extent, |x, y| {
-            [noise(x % 64, y, seed), 0.5, noise(x % 64, y, seed + 1)]
-        })
-    };
+    let strip = |seed| Image::from_fn(extent, |x, y| [noise(x % 64, y, seed), 0.5, noise(x % 64, y, seed + 1)]);
     let tile = |image: &Image<Rgb>| Image::from_fn(Extent::new(64, 16), |x, y| image.at(x, y));
     let (reference, test) = (strip(1), strip(3));
     let (wide, narrow) = (
@@ -81,10 +72,7 @@ fn a_wide_strip_has_the_score_of_its_repeated_tile() {
         .filter(|metric| !metric.id().starts_with("ssim"))
     {
         let (wide, narrow) = (wide[metric.id()].0, narrow[metric.id()].0);
-        assert!(
-            (wide - narrow).abs() < 1e-9,
-            "{metric}: {wide} and {narrow}"
-        );
+        assert!((wide - narrow).abs() < 1e-9, "{metric}: {wide} and {narrow}");
     }
     assert!(wide["ssim"].0.is_finite());
 }

@@ -15,15 +15,12 @@ use std::{
 /// The adapter every test shares (lavapipe keeps what a closed device held). None at all is a failure.
 pub fn gpu() -> &'static Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    GPU.get_or_init(|| {
-        Gpu::open(None).expect("an adapter; on a bare machine install Mesa's lavapipe")
-    })
+    GPU.get_or_init(|| Gpu::open(None).expect("an adapter; on a bare machine install Mesa's lavapipe"))
 }
 
 /// A small generator of repeatable noise in 0..1.
 pub fn noise(x: u32, y: u32, seed: u32) -> f32 {
-    let mut h =
-        x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ seed.wrapping_mul(0xc2b2_ae35);
+    let mut h = x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ seed.wrapping_mul(0xc2b2_ae35);
     h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
     h = (h ^ (h >> 12)).wrapping_mul(0x297a_2d39);
     ((h ^ (h >> 15)) >> 8) as f32 / 16_777_216.0
@@ -119,24 +116,14 @@ pub fn resolve_on_gpu(
             let submission = gpu.queue.submit([encoder.finish()]);
             readback.map();
             gpu.wait(submission).unwrap();
-            let n_repaired = readback.bytes(count).unwrap()[..4]
-                .try_into()
-                .map(u32::from_le_bytes);
-            (
-                readback.rgb(shown, extent).unwrap(),
-                u64::from(n_repaired.unwrap()),
-            )
+            let n_repaired = readback.bytes(count).unwrap()[..4].try_into().map(u32::from_le_bytes);
+            (readback.rgb(shown, extent).unwrap(), u64::from(n_repaired.unwrap()))
         })
         .collect()
 }
 
 /// Metrics as the GPU computes them.
-pub fn gpu_scores(
-    reference: &Image<Rgb>,
-    test: &Image<Rgb>,
-    display: Display,
-    metrics: &[Metric],
-) -> FrameScores {
+pub fn gpu_scores(reference: &Image<Rgb>, test: &Image<Rgb>, display: Display, metrics: &[Metric]) -> FrameScores {
     let gpu = gpu();
     let passes = GpuMetrics::new(gpu, reference.extent(), display, metrics).unwrap();
     let texture = Texture::new(gpu, "test", test.extent(), wgpu::TextureFormat::Rgba32Float);
@@ -144,9 +131,7 @@ pub fn gpu_scores(
     let mut timer = Timer::new(gpu, passes.n_passes().iter().sum());
     let mut readback = ReadbackPool::default().begin();
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    passes
-        .set_reference(gpu, &mut encoder, reference, &mut timer)
-        .unwrap();
+    passes.set_reference(gpu, &mut encoder, reference, &mut timer).unwrap();
     let recorded = passes
         .record(gpu, &mut encoder, &texture, &mut timer, &mut readback)
         .unwrap();
