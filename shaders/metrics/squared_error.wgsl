@@ -1,7 +1,11 @@
-// Partial sums of squared errors in four domains, of reference energy, and of pixels that are not finite. A workgroup
-// sums 64 pixels of three channels, 192 terms, in f32; the host adds the workgroups in f64.
+// Partial sums of squared errors in four domains, of reference energy, and of pixels that are not finite. An invocation
+// sums a strip of 64 rows of one column, 192 terms, in f32; the host adds the strips in f64. Neighbours in x read
+// neighbouring texels, and nothing waits at a barrier.
 
-const GROUP: u32 = 64u;
+const STRIP: u32 = 64u;
+
+override WORKGROUP_X: u32 = 8u;
+override WORKGROUP_Y: u32 = 8u;
 
 struct Sums {
     linear: f32,
@@ -18,28 +22,18 @@ struct Sums {
 @group(0) @binding(3) var test_shown: texture_2d<f32>;
 @group(0) @binding(4) var<storage, read_write> partial_sums: array<Sums>;
 
-var<workgroup> group: array<Sums, GROUP>;
-
-@compute @workgroup_size(GROUP)
-fn main(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-    @builtin(workgroup_id) workgroup: vec3u,
-    @builtin(num_workgroups) n_workgroups: vec3u,
-) {
-    group[lane] = Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    if (all(id.xy < textureDimensions(test_shown))) {
-        group[lane] = measure(id.xy);
+@compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let extent = textureDimensions(test_shown);
+    let first = id.y * STRIP;
+    if (id.x >= extent.x || first >= extent.y) {
+        return;
     }
-    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if (lane < half) {
-            group[lane] = add(group[lane], group[lane + half]);
-        }
+    var sums = Sums();
+    for (var y = first; y < min(first + STRIP, extent.y); y++) {
+        sums = add(sums, measure(vec2u(id.x, y)));
     }
-    if (lane == 0u) {
-        partial_sums[workgroup.y * n_workgroups.x + workgroup.x] = group[0];
-    }
+    partial_sums[id.y * extent.x + id.x] = sums;
 }
 
 fn measure(pixel: vec2u) -> Sums {

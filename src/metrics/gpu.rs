@@ -15,8 +15,8 @@ const DISPLAY: &str = include_str!("../../shaders/metrics/display.wgsl");
 const SQUARED_ERROR: &str = include_str!("../../shaders/metrics/squared_error.wgsl");
 const SSIM: &str = include_str!("../../shaders/metrics/ssim.wgsl");
 
-/// Pixels of a row that a workgroup of `squared_error.wgsl` sums.
-const ERROR_GROUP: u32 = 64;
+/// Rows that an invocation of `squared_error.wgsl` sums.
+const STRIP: u32 = 64;
 /// Side in windows of a workgroup of `ssim.wgsl`.
 const SSIM_GROUP: u32 = 16;
 
@@ -87,7 +87,7 @@ impl GpuMetrics {
             extent,
             display: Pass::new(gpu, "metrics: display", &[DISPLAY, COLOR], &overrides)?,
             squared_error: Pass::new(gpu, "metrics: squared error", &[SQUARED_ERROR, COLOR], &[])?,
-            error_sums: sums_buffer(gpu, n_error_groups(extent) * size_of::<ErrorSums>())?,
+            error_sums: sums_buffer(gpu, strips(extent).n_pixels() * size_of::<ErrorSums>())?,
             ssim: ssim.collect::<Result<_, _>>()?,
             reference: gpu.scope("making room for a reference", || Prepared {
                 linear: texture("reference"),
@@ -129,7 +129,7 @@ impl GpuMetrics {
             .bind("reference_shown", &self.reference.shown)
             .bind("test_shown", &self.test_shown)
             .bind("partial_sums", &self.error_sums)
-            .over(gpu, self.extent)?
+            .over(gpu, strips(self.extent))?
             .record(encoder, timer.time());
         let errors = readback.copy_buffer(gpu, encoder, &self.error_sums, self.error_sums.size());
         let mut slots = Vec::with_capacity(self.ssim.len());
@@ -206,8 +206,8 @@ impl Recorded {
     /// The scores, from a read-back whose submission is done.
     pub fn scores(&self, readback: &Readback) -> Result<FrameScores, GpuError> {
         let mut total = [0.0; 6];
-        for group in bytemuck::pod_collect_to_vec::<u8, ErrorSums>(&readback.bytes(self.errors)?) {
-            for (sum, partial) in total.iter_mut().zip(group) {
+        for strip in bytemuck::pod_collect_to_vec::<u8, ErrorSums>(&readback.bytes(self.errors)?) {
+            for (sum, partial) in total.iter_mut().zip(strip) {
                 *sum += f64::from(partial);
             }
         }
@@ -245,8 +245,9 @@ impl Recorded {
 /// `Sums` of `squared_error.wgsl`, in its order.
 type ErrorSums = [f32; 6];
 
-fn n_error_groups(extent: Extent) -> usize {
-    extent.width.div_ceil(ERROR_GROUP) as usize * extent.height as usize
+/// One invocation a column and strip.
+fn strips(extent: Extent) -> Extent {
+    Extent::new(extent.width, extent.height.div_ceil(STRIP))
 }
 
 fn sums_buffer(gpu: &Gpu, size: usize) -> Result<wgpu::Buffer, GpuError> {
