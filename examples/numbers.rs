@@ -14,7 +14,7 @@ use afterimage::{
         files::{Backend, FileReader, Limits},
     },
     metrics::Metric,
-    run::{self, Observer, PresetSpec, RunSpec},
+    run::{self, MetricsOn, Observer, PresetSpec, RunSpec},
     sequence::{Frame, Sequence, frame::Rgb},
     taa::{
         Inputs, PRESETS, Precision, Preset, Resolver,
@@ -47,6 +47,7 @@ fn spec(presets: &[&str], history: Precision) -> RunSpec {
         history,
         n_frames: None,
         repeat: 1,
+        metrics_on: MetricsOn::Auto,
     }
 }
 

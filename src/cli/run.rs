@@ -8,7 +8,7 @@ use afterimage::{
         files::{Backend, FileReader, Limits, exr},
     },
     metrics::Metric,
-    run::{self, Observer, PresetSpec, RunSpec, report::Report},
+    run::{self, MetricsOn, Observer, PresetSpec, RunSpec, report::Report},
     sequence::{Sequence, frame::Rgb},
     taa::{PRESETS, Precision},
 };
@@ -107,6 +107,7 @@ impl What {
             },
             n_frames: self.frames,
             repeat: self.repeat,
+            metrics_on: MetricsOn::Auto,
         })
     }
 }

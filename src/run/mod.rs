@@ -10,7 +10,7 @@ mod times;
 use crate::{
     gpu::{Gpu, GpuError},
     image::Image,
-    metrics::Metric,
+    metrics::{Metric, gpu::GpuMetricError},
     sequence::{Sequence, SequenceError, frame::Rgb},
     taa::Precision,
 };
@@ -42,6 +42,22 @@ pub struct RunSpec {
     pub n_frames: Option<usize>,
     /// How often each GPU pass of a frame is timed, 1 to 100.
     pub repeat: u32,
+    /// Where metrics are computed.
+    #[serde(default)]
+    pub metrics_on: MetricsOn,
+}
+
+/// Where metrics are computed: the values agree, the times do not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MetricsOn {
+    /// On the GPU where the adapter is one, else on the CPU.
+    #[default]
+    Auto,
+    /// On the CPU, in f64.
+    Cpu,
+    /// On the adapter, in f32.
+    Gpu,
 }
 
 impl RunSpec {
@@ -98,6 +114,15 @@ impl From<GpuError> for RunError {
     }
 }
 
+impl From<GpuMetricError> for RunError {
+    fn from(error: GpuMetricError) -> Self {
+        match error {
+            GpuMetricError::Metric(error) => Self::Input(error.to_string()),
+            GpuMetricError::Gpu(error) => error.into(),
+        }
+    }
+}
+
 impl From<SequenceError> for RunError {
     fn from(error: SequenceError) -> Self {
         Self::Input(error.to_string())
@@ -112,5 +137,5 @@ pub fn validate(spec: &RunSpec, sequence: &Sequence) -> Result<(), RunError> {
 
 /// Runs every preset of `spec` over `sequence`. Decoding, the GPU and the metrics overlap; frames arrive in order.
 pub fn execute(spec: &RunSpec, sequence: &Sequence, gpu: &Gpu, observer: &dyn Observer) -> Result<Report, RunError> {
-    pipeline::run(&Plan::new(spec, sequence)?, spec.history, sequence, gpu, observer)
+    pipeline::run(&Plan::new(spec, sequence)?, spec, sequence, gpu, observer)
 }

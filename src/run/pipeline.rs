@@ -2,16 +2,17 @@
 //! a submission and reads it back while the next one runs. Bounded channels between them keep few frames in memory.
 
 use super::{
-    Observer, RunError,
+    MetricsOn, Observer, RunError, RunSpec,
     plan::Plan,
     report::Report,
     scoring::{Scorer, Submitted},
     times::{milliseconds_since, thread_cpu_ms, timed},
 };
 use crate::{
-    gpu::{Gpu, ReadbackPool, Timer},
+    gpu::{Gpu, Readback, ReadbackPool, Timer},
+    metrics::gpu::{GpuMetrics, Recorded},
     sequence::{Frame, Sequence, SequenceError},
-    taa::{Inputs, Precision, Resolver},
+    taa::{Inputs, Resolver},
 };
 use std::{
     sync::mpsc::{Receiver, SyncSender, sync_channel},
@@ -24,7 +25,7 @@ type Decoded = Result<(Frame, f64), SequenceError>;
 
 pub fn run(
     plan: &Plan,
-    precision: Precision,
+    spec: &RunSpec,
     sequence: &Sequence,
     gpu: &Gpu,
     observer: &dyn Observer,
@@ -42,7 +43,7 @@ pub fn run(
             .collect();
         let (send, submitted) = sync_channel(1);
         let scorer = scope.spawn(move || Scorer::new(plan, sequence, gpu, observer).score_all(&submitted));
-        let resolved = Stage::new(plan, precision, sequence, gpu)
+        let resolved = Stage::new(plan, spec, sequence, gpu, observer.wants_output())
             .and_then(|mut stage| stage.resolve_all(&frames, observer, &send));
         // The scorer ends when the channel closes; decoders end when theirs do.
         drop(send);
@@ -83,29 +84,47 @@ struct Stage<'a> {
     gpu: &'a Gpu,
     inputs: Inputs,
     resolvers: Vec<Resolver>,
+    /// Where metrics are computed on the adapter.
+    metrics: Option<GpuMetrics>,
+    reads_images: bool,
     timer: Timer,
     pool: ReadbackPool,
 }
 
 impl<'a> Stage<'a> {
-    fn new(plan: &'a Plan, precision: Precision, sequence: &Sequence, gpu: &'a Gpu) -> Result<Self, RunError> {
+    fn new(
+        plan: &'a Plan,
+        spec: &RunSpec,
+        sequence: &Sequence,
+        gpu: &'a Gpu,
+        wants_output: bool,
+    ) -> Result<Self, RunError> {
         let extent = sequence.render_size();
         if extent.width.max(extent.height) > gpu.max_side() {
             let (name, limit) = (gpu.info().name, gpu.max_side());
-            return Err(RunError::Input(format!(
-                "frames of {extent} are too large for `{name}`: at most {limit} a side"
-            )));
+            let message = format!("frames of {extent} are too large for `{name}`: at most {limit} a side");
+            return Err(RunError::Input(message));
         }
         let resolvers = plan
             .systems
             .iter()
-            .map(|system| Resolver::new(gpu, system.recipe.clone(), precision, extent))
+            .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, extent))
             .collect::<Result<_, _>>()?;
+        let on_gpu = match spec.metrics_on {
+            MetricsOn::Auto => !gpu.is_cpu(),
+            MetricsOn::Cpu => false,
+            MetricsOn::Gpu => true,
+        };
+        let metrics = (on_gpu && !plan.metrics.is_empty())
+            .then(|| GpuMetrics::new(gpu, extent, sequence.display(), &plan.metrics))
+            .transpose()?;
         let mut stage = Self {
             plan,
             gpu,
             inputs: Inputs::new(gpu, extent, plan.channels, &plan.prepared)?,
             resolvers,
+            reads_images: wants_output || metrics.is_none(),
+            metrics,
             timer: Timer::new(gpu, 0),
             pool: ReadbackPool::default(),
         };
@@ -113,8 +132,8 @@ impl<'a> Stage<'a> {
         let mut encoder = stage.encoder();
         stage.record(&mut encoder, 1)?;
         gpu.wait(gpu.queue.submit([encoder.finish()]))?;
-        let n_passes = (plan.prepared.len() + plan.systems.len()) as u32 * plan.repeat;
-        stage.timer = Timer::new(gpu, n_passes);
+        let [once, per_system] = stage.metrics.as_ref().map_or([0, 0], GpuMetrics::n_passes);
+        stage.timer = Timer::new(gpu, plan.n_timed_passes() + once + per_system * plan.systems.len() as u32);
         Ok(stage)
     }
 
@@ -153,21 +172,18 @@ impl<'a> Stage<'a> {
         let mut encoder = self.encoder();
         self.record(&mut encoder, self.plan.repeat)?;
         let mut readback = self.pool.begin();
-        let (gpu, readback_ref) = (self.gpu, &mut readback);
+        let recorded = self.record_metrics(&mut encoder, &mut readback, &frame)?;
+        let gpu = self.gpu;
         let (shown, repaired) = gpu.scope("reading a frame back", || {
-            let shown: Vec<_> = self
-                .resolvers
-                .iter()
-                .map(|resolver| readback_ref.copy_texture(gpu, &mut encoder, resolver.shown()))
-                .collect();
-            let repaired: Vec<_> = self
-                .plan
-                .prepared
-                .iter()
-                .map(|&(source, domain)| {
-                    let counter = self.inputs.repaired_texels(source, domain);
-                    readback_ref.copy_buffer(gpu, &mut encoder, counter, 4)
-                })
+            let mut copy = |resolver: &Resolver| readback.copy_texture(gpu, &mut encoder, resolver.shown());
+            let shown: Vec<_> = match self.reads_images {
+                true => self.resolvers.iter().map(&mut copy).collect(),
+                false => Vec::new(),
+            };
+            let mut copy = |counter: &wgpu::Buffer| readback.copy_buffer(gpu, &mut encoder, counter, 4);
+            let prepared = self.plan.prepared.iter();
+            let repaired: Vec<_> = prepared
+                .map(|&(source, domain)| copy(self.inputs.repaired_texels(source, domain)))
                 .collect();
             (shown, repaired)
         })?;
@@ -180,6 +196,7 @@ impl<'a> Stage<'a> {
             readback,
             times,
             shown,
+            recorded,
             repaired,
             decode_ms,
             upload_ms,
@@ -193,5 +210,21 @@ impl<'a> Stage<'a> {
             resolver.resolve(self.gpu, encoder, &self.inputs, &mut self.timer, repeat)?;
         }
         Ok(())
+    }
+
+    /// Records the metrics of every preset, where the adapter computes them.
+    fn record_metrics(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        readback: &mut Readback,
+        frame: &Frame,
+    ) -> Result<Vec<Recorded>, RunError> {
+        let (Some(metrics), Some(reference)) = (&self.metrics, &frame.reference) else {
+            return Ok(Vec::new());
+        };
+        let (gpu, timer) = (self.gpu, &mut self.timer);
+        metrics.set_reference(gpu, encoder, reference, timer)?;
+        let mut record = |resolver: &Resolver| metrics.record(gpu, encoder, resolver.shown(), timer, readback);
+        self.resolvers.iter().map(|resolver| Ok(record(resolver)?)).collect()
     }
 }

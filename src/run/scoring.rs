@@ -10,7 +10,7 @@ use super::{
 use crate::{
     gpu::{Gpu, Readback, Times},
     image::Image,
-    metrics::{Metric, Reference, Summary, Value},
+    metrics::{FrameScores, Metric, Reference, Summary, Value, gpu::Recorded},
     sequence::{Frame, Sequence, frame::Rgb},
 };
 use std::{collections::BTreeMap, sync::mpsc::Receiver};
@@ -21,8 +21,10 @@ pub struct Submitted {
     pub submission: wgpu::SubmissionIndex,
     pub readback: Readback,
     pub times: Times,
-    /// Read-back slot of each preset's shown image.
+    /// Read-back slot of each preset's shown image; none where nobody reads them.
     pub shown: Vec<usize>,
+    /// Each preset's metrics where the adapter computes them.
+    pub recorded: Vec<Recorded>,
     /// Read-back slot of each prepared colour's count of repaired texels.
     pub repaired: Vec<usize>,
     pub decode_ms: f64,
@@ -82,14 +84,17 @@ impl<'a> Scorer<'a> {
         let pass_ms = submitted.times.read(&submitted.readback)?;
         self.add("decode", submitted.decode_ms);
         self.add("upload", submitted.upload_ms);
+        let n_resolving = pass_ms.len().min(self.plan.n_timed_passes() as usize);
+        let (pass_ms, metric_pass_ms) = pass_ms.split_at(n_resolving);
         self.add("gpu", pass_ms.iter().sum());
+        self.add("metrics", metric_pass_ms.iter().sum());
         let (reference, reference_ms) = timed(|| {
-            let linear = frame.reference.as_ref()?;
+            let linear = frame.reference.as_ref().filter(|_| submitted.recorded.is_empty())?;
             Some(Reference::new(linear, self.sequence.display(), &self.plan.metrics))
         });
         self.add("metrics", reference_ms);
         for index in 0..self.plan.systems.len() {
-            let report = self.score_preset(submitted, index, reference.as_ref(), &pass_ms)?;
+            let report = self.score_preset(submitted, index, reference.as_ref(), pass_ms)?;
             self.gathered[index].frames.push(report);
             let n_systems = self.plan.systems.len();
             self.observer
@@ -106,16 +111,18 @@ impl<'a> Scorer<'a> {
         pass_ms: &[f64],
     ) -> Result<FrameReport, RunError> {
         let frame = &submitted.frame;
-        let extent = self.sequence.output_size();
-        let (image, readback_ms) = timed(|| submitted.readback.rgb(submitted.shown[index], extent));
-        let image = image?;
-        let (scores, metrics_ms) = timed(|| reference.map(|reference| reference.evaluate(&image)).transpose());
-        let scores = scores.map_err(|error| RunError::Input(error.to_string()))?;
+        let (image, readback_ms) = timed(|| {
+            let slot = submitted.shown.get(index)?;
+            Some(submitted.readback.rgb(*slot, self.sequence.output_size()))
+        });
+        let image = image.transpose()?;
+        let (scores, metrics_ms) = timed(|| scores(submitted, index, reference, image.as_ref()));
+        let scores = scores?;
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
-        if self.observer.wants_output() {
+        if let Some(image) = image.as_ref().filter(|_| self.observer.wants_output()) {
             self.observer
-                .output(index, frame.index, &image)
+                .output(index, frame.index, image)
                 .map_err(|error| RunError::Internal(format!("writing frame {}: {error}", frame.index)))?;
         }
         let warmup = self.age < self.sequence.warmup_frames();
@@ -130,18 +137,13 @@ impl<'a> Scorer<'a> {
             ]
             .map(|(stage, ms)| (stage.to_owned(), ms)),
         );
-        let non_finite_pixels = match &scores {
-            Some(scores) => scores.non_finite_pixels,
-            None => count_non_finite(&image),
-        };
-        let values = scores.into_iter().flat_map(|scores| scores.values);
         Ok(FrameReport {
             index: frame.index,
             reset: frame.reset,
             warmup,
             repaired_texels: self.repaired_texels(submitted, index)?,
-            non_finite_pixels,
-            metrics: values.map(|(id, value)| (id.to_owned(), value)).collect(),
+            non_finite_pixels: scores.non_finite_pixels,
+            metrics: scores.values.into_iter().map(|(id, value)| (id.to_owned(), value)).collect(),
             times_ms,
         })
     }
@@ -235,6 +237,26 @@ impl<'a> Scorer<'a> {
                 })
                 .collect(),
         }
+    }
+}
+
+/// From the adapter where it computed them, else from the image; without a reference only the count of bad pixels.
+fn scores(
+    submitted: &Submitted,
+    index: usize,
+    reference: Option<&Reference>,
+    image: Option<&Image<Rgb>>,
+) -> Result<FrameScores, RunError> {
+    if let Some(recorded) = submitted.recorded.get(index) {
+        return Ok(recorded.scores(&submitted.readback)?);
+    }
+    let image = image.expect("read back where the adapter computes no metrics");
+    match reference {
+        Some(reference) => reference.evaluate(image).map_err(|error| RunError::Input(error.to_string())),
+        None => Ok(FrameScores {
+            values: BTreeMap::new(),
+            non_finite_pixels: count_non_finite(image),
+        }),
     }
 }
 
