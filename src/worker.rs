@@ -1,1 +1,313 @@
-//! worker
+//! The thread that owns the GPU: claim a job, run it, store its reports, again.
+//!
+//! A job keeps this thread busy for minutes. What must happen meanwhile is a task on the async runtime, the heartbeat:
+//! four times a second it renews the job's lease, stores and announces its progress, and asks whether someone wants
+//! its end; the run looks at that answer between frames.
+
+use crate::{
+    gpu::{Gpu, GpuError},
+    image::{
+        Image,
+        files::{FileReader, FloatFormat, write_rgb_exr},
+    },
+    run::{self, Observer, RunError, RunSpec, report::AdapterInfo, report::Report},
+    sequence::{Sequence, frame::Rgb},
+    store::{Claim, DataFolder, Failure, FailureKind, Images, Status, Store, StoreError, Timestamp},
+};
+use std::{
+    any::Any,
+    fs, io,
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::Path,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed},
+    },
+    thread,
+    time::Duration,
+};
+use tokio::{
+    runtime::Handle,
+    sync::{Notify, broadcast},
+    time::{interval, sleep, timeout},
+};
+use tokio_util::sync::CancellationToken;
+
+/// Long enough for a heartbeat delayed by a machine under load, short enough to wait for after a crash elsewhere.
+const LEASE: Duration = Duration::from_secs(30);
+const HEARTBEAT: Duration = Duration::from_millis(250);
+/// How long the queue is left alone without being told of a new job.
+const IDLE: Duration = Duration::from_secs(10);
+/// What a driver gets to recover before its job is tried again.
+const RETRY_DELAY: Duration = Duration::from_secs(1);
+
+/// A job moved on; whoever wants to know more asks the store.
+#[derive(Clone, Copy, Debug)]
+pub struct JobEvent {
+    /// Which job.
+    pub job_id: i64,
+    /// Where it stands now.
+    pub status: Status,
+    /// Frame × preset pairs with metrics.
+    pub n_done: usize,
+    /// Frame × preset pairs in all.
+    pub n_total: usize,
+}
+
+/// Runs one job's presets over the sequence in a folder. The service's is [`GpuRunner`].
+pub trait Runner: Send {
+    /// As [`run::execute`].
+    fn run(&mut self, sequence: &Path, spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError>;
+}
+
+/// Runs jobs on a GPU, which it opens anew after a failure.
+pub struct GpuRunner {
+    wanted: Option<String>,
+    reader: FileReader,
+    gpu: Option<Arc<Gpu>>,
+}
+
+impl GpuRunner {
+    /// Opens the adapter: by its number or a part of its name, else the first one. Without one the runner is there all
+    /// the same, and fails each job with the reason: a service without a driver can still show its history.
+    pub fn new(wanted: Option<String>, reader: FileReader) -> (Self, Result<AdapterInfo, GpuError>) {
+        let opened = Gpu::open(wanted.as_deref());
+        let gpu = opened.as_ref().ok().cloned();
+        (Self { wanted, reader, gpu }, opened.map(|gpu| gpu.info()))
+    }
+}
+
+impl Runner for GpuRunner {
+    fn run(&mut self, sequence: &Path, spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError> {
+        let sequence = Sequence::open(sequence, &self.reader).map_err(|error| RunError::Input(error.to_string()))?;
+        // Taken, not borrowed: a device that failed, or that a panic left half-way through a frame, is not used again.
+        let gpu = match self.gpu.take() {
+            Some(gpu) => gpu,
+            None => Gpu::open(self.wanted.as_deref()).map_err(|error| RunError::Device(error.to_string()))?,
+        };
+        let result = run::execute(spec, &sequence, &gpu, observer);
+        if !matches!(result, Err(RunError::Device(_))) {
+            self.gpu = Some(gpu);
+        }
+        result
+    }
+}
+
+/// What the worker thread needs.
+pub struct Worker {
+    /// The queue.
+    pub store: Store,
+    /// Sequences and images.
+    pub folder: DataFolder,
+    /// Who wants to know of progress.
+    pub events: broadcast::Sender<JobEvent>,
+    /// Told of new jobs.
+    pub wake: Arc<Notify>,
+    /// Told to stop after the current frame.
+    pub shutdown: CancellationToken,
+    /// Runs the store's queries and the heartbeat.
+    pub runtime: Handle,
+}
+
+impl Worker {
+    /// Works until told to stop.
+    pub fn spawn(self, mut runner: impl Runner + 'static) -> io::Result<thread::JoinHandle<()>> {
+        thread::Builder::new().name("worker".to_owned()).spawn(move || {
+            while !self.shutdown.is_cancelled() {
+                self.step(&mut runner);
+            }
+        })
+    }
+
+    /// Does the next job, or waits until there may be one.
+    fn step(&self, runner: &mut dyn Runner) {
+        match self.runtime.block_on(self.store.claim(LEASE, Timestamp::now())) {
+            Ok(Some(claim)) => {
+                tracing::info!(job = claim.job_id, attempt = claim.attempt, "job started");
+                match self.job(&claim, runner) {
+                    Ok(status) => tracing::info!(job = claim.job_id, ?status, "job ended"),
+                    Err(error) => tracing::error!(job = claim.job_id, %error, "job's end could not be stored"),
+                }
+            }
+            Ok(None) => self.pause(IDLE),
+            Err(error) => {
+                tracing::error!(%error, "cannot claim a job");
+                self.pause(RETRY_DELAY);
+            }
+        }
+    }
+
+    /// Waits, unless there is something to do.
+    fn pause(&self, duration: Duration) {
+        self.runtime.block_on(async {
+            tokio::select! {
+                () = self.shutdown.cancelled() => {}
+                _ = timeout(duration, self.wake.notified()) => {}
+            }
+        });
+    }
+
+    /// Runs a claimed job to whatever end it finds, and stores that end.
+    fn job(&self, claim: &Claim, runner: &mut dyn Runner) -> Result<Status, StoreError> {
+        let progress = Arc::new(Progress::default());
+        let heartbeat = self.runtime.spawn(heartbeat(
+            self.store.clone(),
+            claim.clone(),
+            Arc::clone(&progress),
+            self.events.clone(),
+        ));
+        let outcome = self.run(claim, runner, &progress);
+        heartbeat.abort();
+        // Even an aborted heartbeat may be in the middle of a query; nothing may follow the job's end.
+        let _ = self.runtime.block_on(heartbeat);
+
+        let ended = self.runtime.block_on(self.end(claim, outcome, &progress));
+        if !matches!(ended, Ok(Status::Done)) {
+            self.discard_outputs(claim.job_id);
+        }
+        if let Ok(status) = ended {
+            let _ = self.events.send(progress.event(claim.job_id, status));
+        }
+        if matches!(ended, Ok(Status::Queued)) && !self.shutdown.is_cancelled() {
+            self.runtime.block_on(async {
+                tokio::select! { () = self.shutdown.cancelled() => {}, () = sleep(RETRY_DELAY) => {} }
+            });
+        }
+        ended
+    }
+
+    /// The run itself; a panic in it is the job's failure, not the service's.
+    fn run(&self, claim: &Claim, runner: &mut dyn Runner, progress: &Progress) -> Result<Report, RunError> {
+        self.discard_outputs(claim.job_id);
+        let observer = JobObserver {
+            worker: self,
+            claim,
+            progress,
+        };
+        let folder = self.folder.sequence(&claim.sequence_hash);
+        let run = AssertUnwindSafe(|| runner.run(&folder, &claim.spec.run, &observer));
+        catch_unwind(run).unwrap_or_else(|panic| Err(RunError::Internal(panic_message(&*panic).to_owned())))
+    }
+
+    async fn end(
+        &self,
+        claim: &Claim,
+        outcome: Result<Report, RunError>,
+        progress: &Progress,
+    ) -> Result<Status, StoreError> {
+        let now = Timestamp::now();
+        let (kind, code) = match &outcome {
+            Ok(report) => {
+                self.store.finish(claim, report, now).await?;
+                return Ok(Status::Done);
+            }
+            Err(RunError::Cancelled) if progress.cancelled.load(Relaxed) => {
+                self.store.finish_cancelled(claim, now).await?;
+                return Ok(Status::Cancelled);
+            }
+            Err(RunError::Cancelled) => {
+                self.store.hand_back(claim).await?;
+                return Ok(Status::Queued);
+            }
+            Err(RunError::Input(_)) => (FailureKind::Input, "invalid_input"),
+            Err(RunError::Device(_)) => (FailureKind::Device, "gpu_failed"),
+            Err(RunError::Internal(_)) => (FailureKind::Internal, "internal"),
+        };
+        let message = outcome.err().map(|error| error.to_string()).unwrap_or_default();
+        tracing::warn!(job = claim.job_id, attempt = claim.attempt, ?kind, %message, "job failed");
+        let failure = Failure {
+            kind,
+            code: code.to_owned(),
+            message,
+        };
+        self.store.fail(claim, &failure, now).await
+    }
+
+    /// Removes the images of a job that has no report to go with them.
+    fn discard_outputs(&self, job_id: i64) {
+        if let Err(error) = self.folder.remove_outputs(job_id) {
+            tracing::warn!(job = job_id, %error, "cannot remove the job's images");
+        }
+    }
+}
+
+/// What the run's threads and the heartbeat tell each other.
+#[derive(Default)]
+struct Progress {
+    n_done: AtomicUsize,
+    n_total: AtomicUsize,
+    cancelled: AtomicBool,
+}
+
+impl Progress {
+    fn event(&self, job_id: i64, status: Status) -> JobEvent {
+        JobEvent {
+            job_id,
+            status,
+            n_done: self.n_done.load(Relaxed),
+            n_total: self.n_total.load(Relaxed),
+        }
+    }
+}
+
+/// Renews the claim until it is lost or the task aborted.
+async fn heartbeat(store: Store, claim: Claim, progress: Arc<Progress>, events: broadcast::Sender<JobEvent>) {
+    let mut ticks = interval(HEARTBEAT);
+    loop {
+        ticks.tick().await;
+        let event = progress.event(claim.job_id, Status::Running);
+        let lease_until = Timestamp::now() + LEASE;
+        match store.heartbeat(&claim, event.n_done, event.n_total, lease_until).await {
+            Ok(cancel) => progress.cancelled.store(cancel, Relaxed),
+            Err(error @ StoreError::ClaimLost(_)) => {
+                tracing::error!(job = claim.job_id, %error);
+                progress.cancelled.store(true, Relaxed);
+                return;
+            }
+            // Another beat comes before the lease runs out.
+            Err(error) => tracing::warn!(job = claim.job_id, %error, "cannot renew the lease"),
+        }
+        let _ = events.send(event);
+    }
+}
+
+struct JobObserver<'a> {
+    worker: &'a Worker,
+    claim: &'a Claim,
+    progress: &'a Progress,
+}
+
+impl Observer for JobObserver<'_> {
+    fn progress(&self, n_done: usize, n_total: usize) {
+        self.progress.n_done.store(n_done, Relaxed);
+        self.progress.n_total.store(n_total, Relaxed);
+    }
+
+    fn wants_output(&self) -> bool {
+        self.claim.spec.images != Images::None
+    }
+
+    fn output(&self, preset_index: usize, frame_index: usize, image: &Image<Rgb>) -> Result<(), io::Error> {
+        let format = match self.claim.spec.images {
+            Images::None => return Ok(()),
+            Images::Half => FloatFormat::Half,
+            Images::Float => FloatFormat::Float,
+        };
+        let path = self.worker.folder.output(self.claim.job_id, preset_index, frame_index);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder)?;
+        }
+        write_rgb_exr(&path, image, format).map_err(io::Error::other)
+    }
+
+    fn cancelled(&self) -> bool {
+        self.progress.cancelled.load(Relaxed) || self.worker.shutdown.is_cancelled()
+    }
+}
+
+/// What a panic said.
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("the run panicked")
+}

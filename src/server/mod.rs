@@ -1,1 +1,242 @@
-//! server
+//! The service: routes under `/api/v1`, one file a resource, and the pages of `web`. With `web` the only module that
+//! names axum. Handlers parse, ask the store, answer; what takes long is the worker's.
+
+mod catalog;
+mod error;
+mod events;
+mod extract;
+mod frames;
+mod jobs;
+mod reports;
+mod sequences;
+mod upload;
+
+pub use error::ApiError;
+pub use extract::{ApiPath, ApiQuery};
+
+use crate::{
+    config::{Config, ConfigError},
+    image::files::{Backend, FileReader, Limits},
+    run::report::AdapterInfo,
+    store::{DataFolder, FolderError, Store, StoreError, Timestamp},
+    web,
+    worker::{GpuRunner, JobEvent, Runner, Worker},
+};
+use axum::{
+    Router,
+    extract::DefaultBodyLimit,
+    http::{HeaderValue, Request, StatusCode, header},
+    middleware::{self, Next},
+    response::Response,
+    routing::get,
+};
+use std::{io, net::SocketAddr, sync::Arc, thread::JoinHandle};
+use tokio::{
+    net::TcpListener,
+    runtime::Handle,
+    signal::unix::{SignalKind, signal},
+    sync::{Notify, broadcast},
+};
+use tokio_util::sync::CancellationToken;
+
+/// Why the service could not start, or ended.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// A setting is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The data folder cannot be used.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The database cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The address is taken, or not ours.
+    #[error("cannot listen on {address}: {source}; choose another with --listen")]
+    Listen {
+        /// What was asked for.
+        address: SocketAddr,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The system refused a thread or a signal handler.
+    #[error("cannot run: {0}")]
+    System(#[from] io::Error),
+}
+
+/// What every handler shares.
+pub struct Service {
+    /// Sequences, jobs, reports.
+    pub store: Store,
+    /// Their files.
+    pub folder: DataFolder,
+    /// Reads the sequences' images.
+    pub reader: FileReader,
+    /// Limits of what is accepted.
+    pub config: Config,
+    /// The adapter found at start, or why there was none.
+    pub adapter: Result<AdapterInfo, String>,
+    /// Progress of running jobs.
+    pub events: broadcast::Sender<JobEvent>,
+    /// Tells the worker of new jobs.
+    pub wake: Arc<Notify>,
+    /// Tells everyone that the service is ending.
+    pub shutdown: CancellationToken,
+}
+
+/// How handlers take [`Service`].
+pub type Shared = axum::extract::State<Arc<Service>>;
+
+/// A service that listens and works, until [`Running::stop`].
+pub struct Running {
+    /// Where it listens; the port is the real one even if 0 was asked for.
+    pub address: SocketAddr,
+    service: Arc<Service>,
+    listener: TcpListener,
+    worker: JoinHandle<()>,
+}
+
+/// Serves until SIGINT or SIGTERM, then hands the running job back to the queue and returns.
+pub async fn serve(config: Config) -> Result<(), ServeError> {
+    let reader = FileReader::new(Backend::Auto, Limits::default());
+    let (runner, found) = GpuRunner::new(config.adapter.clone(), reader.clone());
+    match &found {
+        Ok(adapter) => tracing::info!(name = adapter.name, driver = adapter.driver, "adapter"),
+        Err(error) => tracing::error!(%error, "no adapter: jobs will fail until there is one"),
+    }
+    let running = Running::start(config, reader, runner, found.map_err(|error| error.to_string())).await?;
+    let shutdown = running.service.shutdown.clone();
+    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    tokio::spawn(async move {
+        tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
+        tracing::info!("stopping after the current frame");
+        shutdown.cancel();
+    });
+    tracing::info!("listening on http://{}", running.address);
+    running.run().await
+}
+
+impl Running {
+    /// Opens everything, takes up what a crash left, and starts the worker with `runner`.
+    pub async fn start(
+        config: Config,
+        reader: FileReader,
+        runner: impl Runner + 'static,
+        adapter: Result<AdapterInfo, String>,
+    ) -> Result<Self, ServeError> {
+        config.validate()?;
+        let folder = DataFolder::open(&config.data)?;
+        let store = Store::open(&folder.database()).await?;
+        // The folder's lock is ours, so no other worker can be alive whatever the leases say.
+        for job in store.recover(Timestamp::MAX, Timestamp::now()).await? {
+            tracing::warn!(job, "taking up a job that was left running");
+            folder.remove_outputs(job)?;
+        }
+        let address = config.listen;
+        let listener = TcpListener::bind(address)
+            .await
+            .map_err(|source| ServeError::Listen { address, source })?;
+        let service = Arc::new(Service {
+            store,
+            folder,
+            reader,
+            config,
+            adapter,
+            events: broadcast::channel(256).0,
+            wake: Arc::new(Notify::new()),
+            shutdown: CancellationToken::new(),
+        });
+        let worker = Worker {
+            store: service.store.clone(),
+            folder: service.folder.clone(),
+            events: service.events.clone(),
+            wake: Arc::clone(&service.wake),
+            shutdown: service.shutdown.clone(),
+            runtime: Handle::current(),
+        };
+        Ok(Self {
+            address: listener.local_addr()?,
+            service,
+            listener,
+            worker: worker.spawn(runner)?,
+        })
+    }
+
+    /// Ends [`Running::run`] from elsewhere.
+    pub fn stop_token(&self) -> CancellationToken {
+        self.service.shutdown.clone()
+    }
+
+    /// Answers requests until stopped; then lets open requests and the current frame end.
+    pub async fn run(self) -> Result<(), ServeError> {
+        let stopped = self.service.shutdown.clone().cancelled_owned();
+        let served = axum::serve(self.listener, router(Arc::clone(&self.service)))
+            .with_graceful_shutdown(stopped)
+            .await;
+        self.service.shutdown.cancel();
+        let worker = self.worker;
+        if tokio::task::spawn_blocking(move || worker.join()).await.is_err() {
+            tracing::error!("the worker's thread did not end properly");
+        }
+        self.service.store.close().await;
+        Ok(served?)
+    }
+}
+
+/// Every route.
+pub fn router(service: Arc<Service>) -> Router {
+    let api = Router::new()
+        .route("/health", get(catalog::health))
+        .route("/presets", get(catalog::presets))
+        .route("/metrics", get(catalog::metrics))
+        .route("/adapter", get(catalog::adapter))
+        .route("/sequences", get(sequences::list))
+        .route("/sequences/{sequence}", get(sequences::get).put(upload::put))
+        .route("/sequences/{sequence}/frames/{frame}/{image}", get(frames::of_sequence))
+        .route("/jobs", get(jobs::list).post(jobs::post))
+        .route("/jobs/{job}", get(jobs::get).delete(jobs::cancel))
+        .route("/jobs/{job}/events", get(events::follow))
+        .route("/reports", get(reports::list))
+        .route("/reports/{report}", get(reports::get))
+        .route("/reports/{report}/frames", get(reports::rows))
+        .route("/reports/{report}/frames/{frame}/{image}", get(frames::of_report))
+        .route("/series", get(reports::series))
+        .fallback(unknown_path);
+    let max_json_bytes = service.config.max_json_kib * 1024;
+    Router::new()
+        .nest("/api/v1", api)
+        .merge(web::routes())
+        .method_not_allowed_fallback(wrong_method)
+        .layer(DefaultBodyLimit::max(max_json_bytes))
+        .layer(middleware::from_fn(security_headers))
+        .with_state(service)
+}
+
+async fn unknown_path(request: Request<axum::body::Body>) -> ApiError {
+    ApiError::not_found(format!("there is nothing at {}", request.uri().path()))
+}
+
+async fn wrong_method(request: Request<axum::body::Body>) -> ApiError {
+    ApiError::new(
+        StatusCode::METHOD_NOT_ALLOWED,
+        "method_not_allowed",
+        format!("{} cannot be used here; the header `allow` lists what can", request.method()),
+    )
+}
+
+/// Everything a page needs is embedded, so nothing may come from elsewhere.
+const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
+     connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
+
+async fn security_headers(request: Request<axum::body::Body>, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    for (name, value) in [
+        (header::CONTENT_SECURITY_POLICY, CONTENT_SECURITY_POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+    ] {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
