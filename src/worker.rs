@@ -8,7 +8,10 @@ use crate::{
     gpu::{Gpu, GpuError},
     image::{
         Image,
-        files::{FileReader, FloatFormat, write_rgb_exr},
+        files::{
+            FileReader,
+            exr::{FloatFormat, write_rgb_exr},
+        },
     },
     run::{self, Observer, RunError, RunSpec, report::AdapterInfo, report::Report},
     sequence::{Sequence, frame::Rgb},

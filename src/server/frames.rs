@@ -5,7 +5,11 @@ use super::{ApiError, ApiPath, ApiQuery, Service, Shared, reports};
 use crate::{
     image::{
         Image,
-        files::{FloatFormat, Plane, encode_png, write_exr, write_rgb_exr},
+        files::{
+            Plane,
+            exr::{FloatFormat, write_exr, write_rgb_exr},
+            png::encode_png,
+        },
     },
     metrics::{
         Display,
@@ -21,7 +25,7 @@ use axum::{
 };
 use exr::prelude::Compression;
 use serde::Deserialize;
-use std::{fs, path::Path, sync::Arc};
+use std::{fs, path::{Path, PathBuf}, sync::Arc};
 
 /// The error that is drawn white unless `?max=` says otherwise: a tenth of the display range.
 const DEFAULT_MAX_ERROR: f32 = 0.1;
@@ -106,7 +110,7 @@ pub async fn of_report(
             Content::Output => encode_rgb(&service, &output(&service, &report, frame_index)?, display, encoding),
             Content::Error => {
                 let output = output(&service, &report, frame_index)?;
-                let error = error_map(&source.reference(frame_index)?, &output, display);
+                let error = error_map(&source.reference(frame_index)?, &output, display).map_err(ApiError::internal)?;
                 encode_error(&service, &error, max, encoding)
             }
         }
@@ -147,8 +151,8 @@ impl Source {
     }
 }
 
-/// The bytes of the file that the worker wrote.
-fn output_bytes(service: &Service, report: &Report, frame_index: usize) -> Result<std::path::PathBuf, ApiError> {
+/// The file that the worker wrote.
+fn output_file(service: &Service, report: &Report, frame_index: usize) -> Result<PathBuf, ApiError> {
     let path = service.folder.output(report.job_id, report.preset_index as usize, frame_index);
     if path.is_file() {
         return Ok(path);
@@ -160,12 +164,12 @@ fn output_bytes(service: &Service, report: &Report, frame_index: usize) -> Resul
 }
 
 fn stored_output(service: &Service, report: &Report, frame_index: usize) -> Result<Response, ApiError> {
-    let bytes = fs::read(output_bytes(service, report, frame_index)?).map_err(ApiError::internal)?;
+    let bytes = fs::read(output_file(service, report, frame_index)?).map_err(ApiError::internal)?;
     Ok(respond(bytes, Encoding::Exr))
 }
 
 fn output(service: &Service, report: &Report, frame_index: usize) -> Result<Image<Rgb>, ApiError> {
-    let path = output_bytes(service, report, frame_index)?;
+    let path = output_file(service, report, frame_index)?;
     Ok(service.reader.read_rgb(&path).map_err(ApiError::internal)?.image)
 }
 

@@ -3,7 +3,7 @@
 
 use super::{ApiError, ApiPath, Service, Shared};
 use crate::{
-    sequence::{self, archive},
+    sequence::{ManifestError, Sequence, SequenceError, archive},
     store::{NewSequence, Timestamp},
 };
 use axum::{
@@ -14,7 +14,7 @@ use axum::{
     response::IntoResponse,
 };
 use futures_util::StreamExt as _;
-use std::{io, path::Path, sync::Arc};
+use std::{error::Error, io, path::Path, sync::Arc};
 use tempfile::NamedTempFile;
 use tokio::{fs::File, io::AsyncWriteExt as _};
 
@@ -71,29 +71,39 @@ async fn spool(mut body: BodyDataStream, path: &Path, max_bytes: u64) -> Result<
 
 /// Unpacks, checks and hashes an archive, and moves the sequence into place.
 fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSequence, ApiError> {
-    let folder = tempfile::tempdir_in(service.folder.spool()).map_err(ApiError::internal)?;
-    // What the user knows of is paths inside the archive; ours would only confuse.
-    let relative = |error: &dyn std::error::Error| error.to_string().replace(&format!("{}/", folder.path().display()), "");
+    let scratch = tempfile::tempdir_in(service.folder.spool()).map_err(ApiError::internal)?;
+    let folder = scratch.path().join("sequence");
+    // The user knows paths inside the archive; ours would only confuse.
+    let (archive_path, folder_prefix) = (archive.path().display().to_string(), format!("{}/", folder.display()));
+    let relative = |error: &dyn Error| {
+        error.to_string().replace(&archive_path, "the archive").replace(&folder_prefix, "")
+    };
     let limits = archive::Limits {
         max_bytes: service.config.max_sequence_mib * MIB,
         ..archive::Limits::default()
     };
-    archive::extract(archive.path(), folder.path(), limits)
+    archive::extract(archive.path(), &folder, limits)
         .map_err(|error| ApiError::invalid("invalid_archive", relative(&error)))?;
     drop(archive);
-    let invalid = |error: sequence::SequenceError| ApiError::invalid("invalid_sequence", relative(&error));
-    let opened = sequence::Sequence::open(folder.path(), &service.reader).map_err(invalid)?;
-    opened.verify_files().map_err(invalid)?;
-    let stored = NewSequence {
-        hash: opened.hash().map_err(invalid)?,
-        name: name.to_owned(),
-        manifest: serde_json::to_value(opened.manifest()).map_err(ApiError::internal)?,
-        render_size: opened.render_size(),
-        output_size: opened.output_size(),
-        n_frames: opened.n_frames(),
-        n_bytes: folder_size(folder.path()).map_err(ApiError::internal)?,
+    let invalid = |error: SequenceError| {
+        let problem = ApiError::invalid("invalid_sequence", relative(&error));
+        match error {
+            SequenceError::Manifest { problem: ManifestError::Field { field, .. }, .. } => problem.field(field),
+            _ => problem,
+        }
     };
-    service.folder.adopt_sequence(folder.path(), &stored.hash).map_err(ApiError::internal)?;
+    let sequence = Sequence::open(&folder, &service.reader).map_err(invalid)?;
+    sequence.verify_files().map_err(invalid)?;
+    let stored = NewSequence {
+        hash: sequence.hash().map_err(invalid)?,
+        name: name.to_owned(),
+        manifest: sequence.manifest_json(),
+        render_size: sequence.render_size(),
+        output_size: sequence.output_size(),
+        n_frames: sequence.n_frames(),
+        n_bytes: folder_size(&folder).map_err(ApiError::internal)?,
+    };
+    service.folder.adopt_sequence(&folder, &stored.hash).map_err(ApiError::internal)?;
     Ok(stored)
 }
 

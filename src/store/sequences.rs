@@ -12,8 +12,8 @@ pub struct NewSequence {
     pub hash: String,
     /// The name to find it by.
     pub name: String,
-    /// The manifest as submitted.
-    pub manifest: serde_json::Value,
+    /// The manifest as submitted, in JSON.
+    pub manifest: String,
     /// Size of the engine's frames.
     pub render_size: Extent,
     /// Size of the reference.
@@ -86,7 +86,7 @@ impl Store {
         )
         .bind(&sequence.hash)
         .bind(&sequence.name)
-        .bind(sequence.manifest.to_string())
+        .bind(&sequence.manifest)
         .bind(sequence.render_size.width)
         .bind(sequence.render_size.height)
         .bind(sequence.output_size.width)

@@ -1,1 +1,28 @@
-//! web
+//! The dashboard. Pages are rendered here with their data in them, so that they can be read, searched and tested
+//! without scripts; the scripts only draw charts, follow a running job and turn over images. Everything is embedded.
+
+mod assets;
+mod format;
+mod jobs;
+mod job;
+mod layout;
+mod overview;
+mod parts;
+mod sequence;
+mod trends;
+
+use crate::server::Service;
+use axum::{Router, routing::get};
+use std::sync::Arc;
+
+/// Every page.
+pub fn routes() -> Router<Arc<Service>> {
+    Router::new()
+        .route("/", get(overview::page))
+        .route("/trends", get(trends::page))
+        .route("/jobs", get(jobs::page))
+        .route("/jobs/{job}", get(job::page))
+        .route("/sequences/{sequence}", get(sequence::page))
+        .route("/assets/{version}/{file}", get(assets::serve))
+        .fallback(layout::unknown_page)
+}

@@ -1,0 +1,329 @@
+//! `/jobs/{id}`: one job. While it waits or runs, its progress; afterwards its results by preset and by frame, and the
+//! images themselves beside each other.
+
+use super::{
+    format,
+    layout::{Page, PageError, Section, script_data},
+    parts,
+};
+use crate::{
+    metrics::Value,
+    run::report::FrameReport,
+    server::{ApiError, ApiPath, ApiQuery, Shared},
+    store::{FailureKind, GPU_TIME, Images, Job, Report, ReportFilter, Sequence, Timestamp},
+};
+use axum::{extract::State, response::Html};
+use maud::{Markup, html};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// More presets than a job may have.
+const MAX_REPORTS: u32 = 1000;
+
+/// What is chosen; without scripts, a form sends it.
+#[derive(Deserialize)]
+pub struct JobQuery {
+    metric: Option<String>,
+    /// Position in the job's list.
+    #[serde(default)]
+    preset: usize,
+    #[serde(default)]
+    frame: usize,
+}
+
+/// What the script needs.
+#[derive(Serialize)]
+struct Data<'a> {
+    job: i64,
+    running: bool,
+    /// Any at all; without them there is nothing to turn over.
+    images: bool,
+    reference: bool,
+    units: BTreeMap<&'a str, &'static str>,
+    reports: Vec<ReportData<'a>>,
+}
+
+#[derive(Serialize)]
+struct ReportData<'a> {
+    id: i64,
+    name: String,
+    frames: &'a [FrameReport],
+}
+
+/// A finished job's numbers.
+struct Results {
+    reports: Vec<Report>,
+    /// Of each report.
+    frames: Vec<Vec<FrameReport>>,
+    metrics: BTreeSet<String>,
+    has_reference: bool,
+}
+
+/// `GET /jobs/{id}`
+pub async fn page(
+    State(service): Shared,
+    ApiPath(id): ApiPath<i64>,
+    ApiQuery(query): ApiQuery<JobQuery>,
+) -> Result<Html<String>, PageError> {
+    let job = service.store.job(id).await?;
+    let job = job.ok_or_else(|| ApiError::not_found(format!("there is no job {id}")))?;
+    let filter = ReportFilter {
+        job_id: Some(id),
+        limit: MAX_REPORTS,
+        ..ReportFilter::default()
+    };
+    let reports = service.store.reports(&filter).await?;
+    let mut frames = Vec::with_capacity(reports.len());
+    for report in &reports {
+        frames.push(service.store.frames(report.id).await?);
+    }
+    let sequence = service.store.sequence(&job.sequence_hash).await?;
+    let results = Results {
+        metrics: reports.iter().flat_map(|report| report.summary.keys().cloned()).collect(),
+        has_reference: sequence.as_ref().is_some_and(has_reference),
+        reports,
+        frames,
+    };
+    let content = html! {
+        (heading(&job))
+        (standing(&job))
+        @if !results.reports.is_empty() { (results.render(&job, &query)) }
+        (script_data(&results.data(&job))?)
+    };
+    let title = format!("Job {id}");
+    let page = Page {
+        title: &title,
+        section: Some(Section::Jobs),
+        script: Some("job.js"),
+        content,
+    };
+    Ok(page.render(&service))
+}
+
+fn has_reference(sequence: &Sequence) -> bool {
+    sequence.manifest.get("reference").is_some_and(|reference| !reference.is_null())
+}
+
+fn heading(job: &Job) -> Markup {
+    let now = Timestamp::now();
+    html! {
+        h1 { "Job " (job.id) @if let Some(label) = &job.label { span.muted { " · " (label) } } }
+        ul.facts {
+            li { (parts::status(job)) }
+            li { span.key { "sequence " } a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
+            @if let Some(branch) = &job.branch { li { span.key { "branch " } (branch) } }
+            @if let Some(commit) = &job.commit { li { span.key { "commit " } (format::short_hash(commit)) } }
+            li { span.key { "queued " } (format::age(job.created_at, now)) }
+            @if let (Some(started), Some(finished)) = (job.started_at, job.finished_at) {
+                li { span.key { "took " } (format!("{:.1} s", finished.since(started).as_secs_f64())) }
+            }
+            @if job.attempts > 1 { li { span.key { "attempt " } (job.attempts) } }
+        }
+    }
+}
+
+/// Progress of a job that is not over, or why it failed.
+fn standing(job: &Job) -> Markup {
+    html! {
+        @if !job.status.is_final() {
+            div.running-box {
+                progress #progress max=(job.n_total.max(1)) value=(job.n_done) {}
+                span #progress-text aria-live="polite" { (job.n_done) " of " (job.n_total) " frames" }
+                button.quiet #cancel type="button" disabled[job.cancel_requested] { "Cancel" }
+            }
+        }
+        @if let Some(error) = &job.error {
+            div.notice.bad role="alert" {
+                p { b { (match error.kind {
+                    FailureKind::Input => "The sequence or the job is at fault.",
+                    FailureKind::Device => "The GPU or its driver failed.",
+                    FailureKind::Internal => "The service failed.",
+                }) } " " code { (error.code) } }
+                p { (error.message) }
+            }
+        }
+    }
+}
+
+impl Results {
+    fn data<'a>(&'a self, job: &Job) -> Data<'a> {
+        let report = |(report, frames): (&Report, &'a Vec<FrameReport>)| ReportData {
+            id: report.id,
+            name: parts::recipe(&report.series),
+            frames,
+        };
+        Data {
+            job: job.id,
+            running: !job.status.is_final(),
+            images: job.spec.images != Images::None,
+            reference: self.has_reference,
+            units: self.metrics.iter().map(|metric| (metric.as_str(), format::unit(metric))).collect(),
+            reports: self.reports.iter().zip(&self.frames).map(report).collect(),
+        }
+    }
+
+    fn render(&self, job: &Job, query: &JobQuery) -> Markup {
+        let metric = query.metric.as_deref().filter(|metric| self.metrics.contains(*metric));
+        let metric = metric.or_else(|| ["psnr", "ssim"].into_iter().find(|metric| self.metrics.contains(*metric)));
+        let metric = metric.or(self.metrics.first().map(String::as_str));
+        html! {
+            (self.notes())
+            h2 { "Summary" }
+            (self.summary())
+            @if let Some(metric) = metric {
+                h2 { "Frame by frame" }
+                (self.by_frame(metric))
+            }
+            @if job.spec.images != Images::None {
+                h2 #images { "Images" }
+                (self.images(query))
+            }
+            h2 { "Times" }
+            (self.times())
+        }
+    }
+
+    /// What a reader must know to trust the numbers, once for all presets that share it.
+    fn notes(&self) -> Markup {
+        let mut notes: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+        for report in &self.reports {
+            for note in &report.notes {
+                notes.entry(note).or_default().push(parts::recipe(&report.series));
+            }
+        }
+        html! {
+            @if !notes.is_empty() {
+                div.notice { @for (note, presets) in notes {
+                    p { @if presets.len() < self.reports.len() { b { (presets.join("; ")) ": " } } (note) }
+                } }
+            }
+        }
+    }
+
+    fn summary(&self) -> Markup {
+        let best = |metric: &str| parts::best(metric, self.reports.iter());
+        html! {
+            div.scroll { table {
+                thead { tr {
+                    th { "Preset" }
+                    @for metric in &self.metrics { th.number { (format::title(metric)) } th.number { "worst 5 %" } }
+                    th.number { (format::title(GPU_TIME)) }
+                    th { "Rows" }
+                } }
+                tbody { @for report in &self.reports {
+                    tr {
+                        th scope="row" { (parts::recipe(&report.series)) }
+                        @for metric in &self.metrics {
+                            @let value = report.values.get(metric).copied();
+                            @let best = best(metric);
+                            td.number.best[best.is_some() && value.map(|value| value.0) == best] { (format::value(metric, value)) }
+                            td.number.muted { (format::value(metric, report.summary.get(metric).map(|summary| summary.p5))) }
+                        }
+                        td.number { (format::value(GPU_TIME, report.gpu_time_ms.map(Value))) }
+                        td { a href={ "/api/v1/reports/" (report.id) "/frames?format=csv" } { "CSV" } " "
+                             a href={ "/api/v1/reports/" (report.id) "/frames" } { "JSON" } }
+                    }
+                } }
+            } }
+            p.muted { "Frames of the warm-up after a reset are stored but not counted here. A PSNR is that of the mean squared error." }
+        }
+    }
+
+    /// The chart, and its numbers as a table for whoever cannot see or run it.
+    fn by_frame(&self, metric: &str) -> Markup {
+        let n_frames = self.frames.iter().map(Vec::len).max().unwrap_or(0);
+        html! {
+            form.controls {
+                label { "Metric" select #metric name="metric" {
+                    @for id in &self.metrics { option value=(id) selected[id == metric] { (id) } }
+                } }
+                noscript { button { "Show" } }
+            }
+            div.chart #chart {}
+            details {
+                summary { "The same as a table: " (metric) }
+                div.scroll { table {
+                    thead { tr { th { "Frame" } @for report in &self.reports { th.number { (parts::recipe(&report.series)) } } } }
+                    tbody { @for i in 0..n_frames {
+                        @let frame = self.frames.iter().find_map(|frames| frames.get(i));
+                        tr {
+                            td { (i) @if frame.is_some_and(|frame| frame.reset) { " " span.muted { "reset" } }
+                                @else if frame.is_some_and(|frame| frame.warmup) { " " span.muted { "warm-up" } } }
+                            @for frames in &self.frames {
+                                td.number { (format::value(metric, frames.get(i).and_then(|frame| frame.metrics.get(metric)).copied())) }
+                            }
+                        }
+                    } }
+                } }
+            }
+        }
+    }
+
+    fn images(&self, query: &JobQuery) -> Markup {
+        let chosen = query.preset.min(self.reports.len() - 1);
+        let last = self.frames[chosen].len().saturating_sub(1);
+        let frame = query.frame.min(last);
+        let base = format!("/api/v1/reports/{}/frames/{frame}", self.reports[chosen].id);
+        let figure = |id: &str, name: &str, rest: Markup| html! {
+            figure {
+                a href={ (base) "/" (id) ".png" } { img #{ "image-" (id) } src={ (base) "/" (id) ".png" } alt={ (name) " of frame " (frame) }; }
+                figcaption { b { (name) } (rest) a #{ "exr-" (id) } href={ (base) "/" (id) ".exr" } { "EXR" } }
+            }
+        };
+        html! {
+            form.controls #viewer {
+                label { "Preset" select #preset name="preset" {
+                    @for (i, report) in self.reports.iter().enumerate() {
+                        option value=(i) selected[i == chosen] { (parts::recipe(&report.series)) }
+                    }
+                } }
+                div.frame {
+                    button #previous type="button" aria-label="Previous frame" title="Left arrow key" { "←" }
+                    input #frame type="range" name="frame" min="0" max=(last) value=(frame) aria-label="Frame";
+                    button #next type="button" aria-label="Next frame" title="Right arrow key" { "→" }
+                    output #frame-text for="frame" { "frame " (frame) " of " (last) }
+                }
+                noscript { button { "Show" } }
+            }
+            div.images #figures {
+                (figure("output", "Output", html! {}))
+                @if self.has_reference {
+                    (figure("reference", "Reference", html! {}))
+                    (figure("error", "Error", html! { span { "0 " img.scale src=(super::assets::url("scale.png")) alt="black to white"; " 0.1" } }))
+                }
+            }
+            p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta." }
+        }
+    }
+
+    fn times(&self) -> Markup {
+        let passes: BTreeSet<&String> = self.reports.iter().flat_map(|report| report.times_ms.keys()).collect();
+        let stages = self.reports.first().map(|report| &report.stages_ms);
+        html! {
+            div.scroll { table {
+                thead { tr { th { "Preset" } @for pass in &passes { th.number { (pass) " " span.unit { "ms" } } th.number { "min" } th.number { "± MAD" } } } }
+                tbody { @for report in &self.reports {
+                    tr {
+                        th scope="row" { (parts::recipe(&report.series)) }
+                        @for pass in &passes {
+                            @let time = report.times_ms.get(*pass);
+                            td.number { (format::ms(time.map(|time| time.median))) }
+                            td.number.muted { (format::ms(time.map(|time| time.min))) }
+                            td.number.muted { (format::ms(time.map(|time| time.mad))) }
+                        }
+                    }
+                } }
+            } }
+            @if let Some(stages) = stages {
+                p.muted { "Stages of the whole job, while all overlapped: "
+                    @for (i, (stage, time_ms)) in stages.iter().enumerate() {
+                        @if i > 0 { ", " } (stage) " " (format!("{time_ms:.0}")) " ms"
+                    } "." }
+            }
+            @if let Some(report) = self.reports.first() {
+                p.muted { "On " (report.series.adapter.name) " (" (report.series.adapter.driver) " " (report.series.adapter.driver_version)
+                    "), build " (report.revision) "." }
+            }
+        }
+    }
+}
