@@ -6,7 +6,12 @@ use std::{net::SocketAddr, path::PathBuf};
 #[derive(Clone, Debug, clap::Args)]
 pub struct Config {
     /// Address and port to listen on.
-    #[arg(long, env = "AFTERIMAGE_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS:PORT")]
+    #[arg(
+        long,
+        env = "AFTERIMAGE_LISTEN",
+        default_value = "127.0.0.1:8080",
+        value_name = "ADDRESS:PORT"
+    )]
     pub listen: SocketAddr,
     /// Folder for everything the service keeps: database, sequences, images. Made if missing.
     #[arg(long, env = "AFTERIMAGE_DATA", default_value = "data", value_name = "DIR")]
@@ -18,7 +23,12 @@ pub struct Config {
     #[arg(long, env = "AFTERIMAGE_MAX_ARCHIVE_MIB", default_value_t = 4096, value_name = "MIB")]
     pub max_archive_mib: u64,
     /// Largest sequence an archive may unpack to, MiB.
-    #[arg(long, env = "AFTERIMAGE_MAX_SEQUENCE_MIB", default_value_t = 16_384, value_name = "MIB")]
+    #[arg(
+        long,
+        env = "AFTERIMAGE_MAX_SEQUENCE_MIB",
+        default_value_t = 16_384,
+        value_name = "MIB"
+    )]
     pub max_sequence_mib: u64,
     /// Largest JSON body, KiB.
     #[arg(long, env = "AFTERIMAGE_MAX_JSON_KIB", default_value_t = 1024, value_name = "KIB")]

@@ -12,7 +12,9 @@ use serde_json::{Value, json};
 /// `GET /health`: 200 while the database answers. Says nothing of the GPU: a service without one still shows history.
 pub async fn health(State(service): Shared) -> Result<Json<Value>, ApiError> {
     service.store.ping().await?;
-    Ok(Json(json!({"status": "ok", "version": env!("CARGO_PKG_VERSION"), "revision": env!("AFTERIMAGE_REVISION")})))
+    Ok(Json(
+        json!({"status": "ok", "version": env!("CARGO_PKG_VERSION"), "revision": env!("AFTERIMAGE_REVISION")}),
+    ))
 }
 
 /// `GET /presets`

@@ -56,7 +56,11 @@ impl Watch {
             Next::Current => {}
             Next::Change => self.change().await?,
         }
-        self.next = if self.job.status.is_final() { Next::End } else { Next::Change };
+        self.next = if self.job.status.is_final() {
+            Next::End
+        } else {
+            Next::Change
+        };
         let name = match self.job.status {
             Status::Queued | Status::Running => "progress",
             Status::Done => "done",

@@ -25,7 +25,11 @@ use axum::{
 };
 use exr::prelude::Compression;
 use serde::Deserialize;
-use std::{fs, path::{Path, PathBuf}, sync::Arc};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 /// The error that is drawn white unless `?max=` says otherwise: a tenth of the display range.
 const DEFAULT_MAX_ERROR: f32 = 0.1;
@@ -78,7 +82,9 @@ pub async fn of_sequence(
 ) -> Result<Response, ApiError> {
     let (content, encoding) = parse(&image)?;
     if content != Content::Reference {
-        return Err(ApiError::not_found("of a sequence there is only `reference`; the others belong to reports"));
+        return Err(ApiError::not_found(
+            "of a sequence there is only `reference`; the others belong to reports",
+        ));
     }
     let hash = super::sequences::find(&service, &name).await?.hash;
     blocking(move || {
@@ -129,7 +135,9 @@ struct Source(Sequence);
 impl Source {
     fn open(service: &Arc<Service>, hash: &str) -> Result<Self, ApiError> {
         let folder = service.folder.sequence(hash);
-        Sequence::open(&folder, &service.reader).map(Self).map_err(ApiError::internal)
+        Sequence::open(&folder, &service.reader)
+            .map(Self)
+            .map_err(ApiError::internal)
     }
 
     fn display(&self) -> Display {
@@ -139,7 +147,10 @@ impl Source {
     fn reference(&self, frame_index: usize) -> Result<Image<Rgb>, ApiError> {
         let n_frames = self.0.n_frames();
         if frame_index >= n_frames {
-            let detail = format!("there is no frame {frame_index}; the sequence has 0 to {}", n_frames - 1);
+            let detail = format!(
+                "there is no frame {frame_index}; the sequence has 0 to {}",
+                n_frames - 1
+            );
             return Err(ApiError::not_found(detail));
         }
         let wanted = Channels {
@@ -147,13 +158,17 @@ impl Source {
             ..Channels::default()
         };
         let frame = self.0.load(frame_index, wanted).map_err(ApiError::internal)?;
-        frame.reference.ok_or_else(|| ApiError::not_found("the sequence has no reference"))
+        frame
+            .reference
+            .ok_or_else(|| ApiError::not_found("the sequence has no reference"))
     }
 }
 
 /// The file that the worker wrote.
 fn output_file(service: &Service, report: &Report, frame_index: usize) -> Result<PathBuf, ApiError> {
-    let path = service.folder.output(report.job_id, report.preset_index as usize, frame_index);
+    let path = service
+        .folder
+        .output(report.job_id, report.preset_index as usize, frame_index);
     if path.is_file() {
         return Ok(path);
     }
@@ -195,12 +210,7 @@ fn shown(display: Display, pixel: Rgb) -> [u8; 3] {
     values.map(|value| (value * 255.0).round() as u8)
 }
 
-fn encode_error(
-    service: &Service,
-    error: &Image<f32>,
-    max: f32,
-    encoding: Encoding,
-) -> Result<Response, ApiError> {
+fn encode_error(service: &Service, error: &Image<f32>, max: f32, encoding: Encoding) -> Result<Response, ApiError> {
     if encoding == Encoding::Exr {
         let channels = [("Y", Plane::F32(error.pixels().to_vec()))];
         let extent = error.extent();
@@ -233,6 +243,9 @@ fn respond(bytes: Vec<u8>, encoding: Encoding) -> Response {
         Encoding::Png => "image/png",
         Encoding::Exr => "image/x-exr",
     };
-    let headers = [(header::CONTENT_TYPE, media_type), (header::CACHE_CONTROL, "private, max-age=31536000, immutable")];
+    let headers = [
+        (header::CONTENT_TYPE, media_type),
+        (header::CACHE_CONTROL, "private, max-age=31536000, immutable"),
+    ];
     (headers, bytes).into_response()
 }

@@ -154,7 +154,10 @@ impl JobRequest {
     fn check(&self, n_frames: usize) -> Result<(), ApiError> {
         let invalid = |field: &str, detail: String| Err(ApiError::invalid("invalid_field", detail).field(field));
         if !(1..=MAX_PRESETS).contains(&self.presets.len()) {
-            return invalid("presets", format!("give 1 to {MAX_PRESETS} presets; /api/v1/presets lists them"));
+            return invalid(
+                "presets",
+                format!("give 1 to {MAX_PRESETS} presets; /api/v1/presets lists them"),
+            );
         }
         if !(1..=MAX_REPEAT).contains(&self.repeat) {
             return invalid("repeat", format!("`repeat` must be 1 to {MAX_REPEAT}"));
@@ -162,9 +165,16 @@ impl JobRequest {
         if let Some(frames) = self.frames
             && !(1..=n_frames).contains(&frames)
         {
-            return invalid("frames", format!("`frames` must be 1 to {n_frames}, the sequence's number of frames"));
+            return invalid(
+                "frames",
+                format!("`frames` must be 1 to {n_frames}, the sequence's number of frames"),
+            );
         }
-        for (field, text) in [("branch", &self.branch), ("commit", &self.commit), ("label", &self.label)] {
+        for (field, text) in [
+            ("branch", &self.branch),
+            ("commit", &self.commit),
+            ("label", &self.label),
+        ] {
             if text.as_ref().is_some_and(|text| text.len() > MAX_TEXT_BYTES) {
                 return invalid(field, format!("`{field}` may have at most {MAX_TEXT_BYTES} bytes"));
             }

@@ -220,7 +220,10 @@ async fn wrong_method(request: Request<axum::body::Body>) -> ApiError {
     ApiError::new(
         StatusCode::METHOD_NOT_ALLOWED,
         "method_not_allowed",
-        format!("{} cannot be used here; the header `allow` lists what can", request.method()),
+        format!(
+            "{} cannot be used here; the header `allow` lists what can",
+            request.method()
+        ),
     )
 }
 

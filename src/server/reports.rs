@@ -87,7 +87,10 @@ pub async fn rows(
     }
     let headers = [
         (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
-        (header::CONTENT_DISPOSITION, format!("inline; filename=\"report-{id}.csv\"")),
+        (
+            header::CONTENT_DISPOSITION,
+            format!("inline; filename=\"report-{id}.csv\""),
+        ),
     ];
     Ok((headers, csv(&frames)).into_response())
 }
@@ -149,10 +152,7 @@ pub struct Line {
 }
 
 /// A metric over time, a line for each combination of sequence, recipe and adapter, oldest point first.
-pub async fn series(
-    State(service): Shared,
-    ApiQuery(query): ApiQuery<SeriesQuery>,
-) -> Result<Json<Value>, ApiError> {
+pub async fn series(State(service): Shared, ApiQuery(query): ApiQuery<SeriesQuery>) -> Result<Json<Value>, ApiError> {
     check_metric(&query.metric)?;
     let filter = SeriesFilter {
         sequence_hash: hash_of(&service, query.sequence.as_deref()).await?,
@@ -162,7 +162,10 @@ pub async fn series(
     let limit = query.limit.unwrap_or(200).clamp(1, MAX_LIMIT);
     let mut lines = Vec::new();
     for series in service.store.series(&filter).await? {
-        let points = service.store.points(series.id, &query.metric, query.branch.as_deref(), limit).await?;
+        let points = service
+            .store
+            .points(series.id, &query.metric, query.branch.as_deref(), limit)
+            .await?;
         if !points.is_empty() {
             lines.push(Line { series, points });
         }
@@ -176,7 +179,9 @@ fn check_metric(id: &str) -> Result<(), ApiError> {
         return Ok(());
     }
     let known = Metric::from_str(id);
-    known.map(drop).map_err(|error| ApiError::invalid("unknown_metric", error.to_string()).field("metric"))
+    known
+        .map(drop)
+        .map_err(|error| ApiError::invalid("unknown_metric", error.to_string()).field("metric"))
 }
 
 #[cfg(test)]
@@ -193,8 +198,14 @@ mod tests {
             warmup: false,
             repaired_texels: 3,
             non_finite_pixels: 0,
-            metrics: metrics.iter().map(|&(id, value)| (id.to_owned(), metrics::Value(value))).collect(),
-            times_ms: times.iter().map(|&(pass, ms)| (pass.to_owned(), ms)).collect::<BTreeMap<_, _>>(),
+            metrics: metrics
+                .iter()
+                .map(|&(id, value)| (id.to_owned(), metrics::Value(value)))
+                .collect(),
+            times_ms: times
+                .iter()
+                .map(|&(pass, ms)| (pass.to_owned(), ms))
+                .collect::<BTreeMap<_, _>>(),
         };
         let frames = [
             frame(0, &[("psnr", f64::INFINITY), ("ssim", 1.0)], &[]),

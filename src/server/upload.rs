@@ -28,7 +28,12 @@ pub async fn put(
 ) -> Result<impl IntoResponse, ApiError> {
     check_name(&name)?;
     let spooled = NamedTempFile::new_in(service.folder.spool()).map_err(ApiError::internal)?;
-    spool(body.into_data_stream(), spooled.path(), service.config.max_archive_mib * MIB).await?;
+    spool(
+        body.into_data_stream(),
+        spooled.path(),
+        service.config.max_archive_mib * MIB,
+    )
+    .await?;
     let unpacking = Arc::clone(&service);
     let sequence = tokio::task::spawn_blocking(move || unpack(&unpacking, &name, spooled))
         .await
@@ -57,12 +62,20 @@ async fn spool(mut body: BodyDataStream, path: &Path, max_bytes: u64) -> Result<
     let mut n_bytes = 0;
     while let Some(chunk) = body.next().await {
         let chunk = chunk.map_err(|error| {
-            ApiError::new(StatusCode::BAD_REQUEST, "upload_broken", format!("the upload broke off: {error}"))
+            ApiError::new(
+                StatusCode::BAD_REQUEST,
+                "upload_broken",
+                format!("the upload broke off: {error}"),
+            )
         })?;
         n_bytes += chunk.len() as u64;
         if n_bytes > max_bytes {
             let detail = format!("the archive is larger than {} MiB (--max-archive-mib)", max_bytes / MIB);
-            return Err(ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, "archive_too_large", detail));
+            return Err(ApiError::new(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                "archive_too_large",
+                detail,
+            ));
         }
         file.write_all(&chunk).await.map_err(ApiError::internal)?;
     }
@@ -76,7 +89,10 @@ fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSe
     // The user knows paths inside the archive; ours would only confuse.
     let (archive_path, folder_prefix) = (archive.path().display().to_string(), format!("{}/", folder.display()));
     let relative = |error: &dyn Error| {
-        error.to_string().replace(&archive_path, "the archive").replace(&folder_prefix, "")
+        error
+            .to_string()
+            .replace(&archive_path, "the archive")
+            .replace(&folder_prefix, "")
     };
     let limits = archive::Limits {
         max_bytes: service.config.max_sequence_mib * MIB,
@@ -88,7 +104,10 @@ fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSe
     let invalid = |error: SequenceError| {
         let problem = ApiError::invalid("invalid_sequence", relative(&error));
         match error {
-            SequenceError::Manifest { problem: ManifestError::Field { field, .. }, .. } => problem.field(field),
+            SequenceError::Manifest {
+                problem: ManifestError::Field { field, .. },
+                ..
+            } => problem.field(field),
             _ => problem,
         }
     };
@@ -103,7 +122,10 @@ fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSe
         n_frames: sequence.n_frames(),
         n_bytes: folder_size(&folder).map_err(ApiError::internal)?,
     };
-    service.folder.adopt_sequence(&folder, &stored.hash).map_err(ApiError::internal)?;
+    service
+        .folder
+        .adopt_sequence(&folder, &stored.hash)
+        .map_err(ApiError::internal)?;
     Ok(stored)
 }
 
@@ -113,7 +135,11 @@ fn folder_size(folder: &Path) -> io::Result<u64> {
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
         let metadata = entry.metadata()?;
-        n_bytes += if metadata.is_dir() { folder_size(&entry.path())? } else { metadata.len() };
+        n_bytes += if metadata.is_dir() {
+            folder_size(&entry.path())?
+        } else {
+            metadata.len()
+        };
     }
     Ok(n_bytes)
 }

@@ -39,7 +39,11 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         // uPlot 1.6.32, MIT; the licence is served beside it.
         embedded("uplot.js", JAVASCRIPT, include_bytes!("assets/uplot.js")),
         embedded("uplot.css", CSS, include_bytes!("assets/uplot.css")),
-        embedded("uplot.LICENSE", "text/plain; charset=utf-8", include_bytes!("assets/uplot.LICENSE")),
+        embedded(
+            "uplot.LICENSE",
+            "text/plain; charset=utf-8",
+            include_bytes!("assets/uplot.LICENSE"),
+        ),
         Asset {
             name: "scale.png",
             media_type: "image/png",
@@ -73,7 +77,10 @@ pub fn url(name: &str) -> String {
 
 /// `GET /assets/{version}/{file}`
 pub async fn serve(Path((_version, name)): Path<(String, String)>) -> Result<Response, PageError> {
-    let asset = ASSETS.iter().find(|asset| asset.name == name).ok_or_else(|| PageError::nothing_at(&name))?;
+    let asset = ASSETS
+        .iter()
+        .find(|asset| asset.name == name)
+        .ok_or_else(|| PageError::nothing_at(&name))?;
     let headers = [
         (header::CONTENT_TYPE, asset.media_type),
         (header::CACHE_CONTROL, "public, max-age=31536000, immutable"),

@@ -39,7 +39,9 @@ pub fn title(id: &str) -> Markup {
 
 /// As many digits as the metric's noise leaves meaning: decibels two, similarities five, milliseconds three.
 pub fn value(id: &str, value: Option<Value>) -> String {
-    let Some(Value(x)) = value else { return ABSENT.to_owned() };
+    let Some(Value(x)) = value else {
+        return ABSENT.to_owned();
+    };
     if x.is_nan() {
         return "NaN".to_owned();
     }
@@ -70,7 +72,11 @@ pub fn bytes(n_bytes: i64) -> String {
     {
         (size, unit) = (size / 1024.0, larger);
     }
-    if unit == "bytes" { format!("{size} {unit}") } else { format!("{size:.1} {unit}") }
+    if unit == "bytes" {
+        format!("{size} {unit}")
+    } else {
+        format!("{size:.1} {unit}")
+    }
 }
 
 /// How long ago, in the largest unit that makes it at least one; the exact time on hover.
@@ -127,7 +133,12 @@ mod tests {
     #[test]
     fn ages_use_one_unit() {
         let now = Timestamp(10 * 86_400_000);
-        for (ms, text) in [(1_000, "just now"), (59_000, "59 s ago"), (3_600_000, "1 h ago"), (259_200_000, "3 days ago")] {
+        for (ms, text) in [
+            (1_000, "just now"),
+            (59_000, "59 s ago"),
+            (3_600_000, "1 h ago"),
+            (259_200_000, "3 days ago"),
+        ] {
             let markup = age(Timestamp(now.0 - ms), now).into_string();
             assert!(markup.contains(text), "{markup}");
         }

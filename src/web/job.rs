@@ -79,7 +79,10 @@ pub async fn page(
     }
     let sequence = service.store.sequence(&job.sequence_hash).await?;
     let results = Results {
-        metrics: reports.iter().flat_map(|report| report.summary.keys().cloned()).collect(),
+        metrics: reports
+            .iter()
+            .flat_map(|report| report.summary.keys().cloned())
+            .collect(),
         has_reference: sequence.as_ref().is_some_and(has_reference),
         reports,
         frames,
@@ -101,7 +104,10 @@ pub async fn page(
 }
 
 fn has_reference(sequence: &Sequence) -> bool {
-    sequence.manifest.get("reference").is_some_and(|reference| !reference.is_null())
+    sequence
+        .manifest
+        .get("reference")
+        .is_some_and(|reference| !reference.is_null())
 }
 
 fn heading(job: &Job) -> Markup {
@@ -157,14 +163,22 @@ impl Results {
             running: !job.status.is_final(),
             images: job.spec.images != Images::None,
             reference: self.has_reference,
-            units: self.metrics.iter().map(|metric| (metric.as_str(), format::unit(metric))).collect(),
+            units: self
+                .metrics
+                .iter()
+                .map(|metric| (metric.as_str(), format::unit(metric)))
+                .collect(),
             reports: self.reports.iter().zip(&self.frames).map(report).collect(),
         }
     }
 
     fn render(&self, job: &Job, query: &JobQuery) -> Markup {
         let metric = query.metric.as_deref().filter(|metric| self.metrics.contains(*metric));
-        let metric = metric.or_else(|| ["psnr", "ssim"].into_iter().find(|metric| self.metrics.contains(*metric)));
+        let metric = metric.or_else(|| {
+            ["psnr", "ssim"]
+                .into_iter()
+                .find(|metric| self.metrics.contains(*metric))
+        });
         let metric = metric.or(self.metrics.first().map(String::as_str));
         html! {
             (self.notes())
@@ -264,10 +278,12 @@ impl Results {
         let last = self.frames[chosen].len().saturating_sub(1);
         let frame = query.frame.min(last);
         let base = format!("/api/v1/reports/{}/frames/{frame}", self.reports[chosen].id);
-        let figure = |id: &str, name: &str, rest: Markup| html! {
-            figure {
-                a href={ (base) "/" (id) ".png" } { img #{ "image-" (id) } src={ (base) "/" (id) ".png" } alt={ (name) " of frame " (frame) }; }
-                figcaption { b { (name) } (rest) a #{ "exr-" (id) } href={ (base) "/" (id) ".exr" } { "EXR" } }
+        let figure = |id: &str, name: &str, rest: Markup| {
+            html! {
+                figure {
+                    a href={ (base) "/" (id) ".png" } { img #{ "image-" (id) } src={ (base) "/" (id) ".png" } alt={ (name) " of frame " (frame) }; }
+                    figcaption { b { (name) } (rest) a #{ "exr-" (id) } href={ (base) "/" (id) ".exr" } { "EXR" } }
+                }
             }
         };
         html! {

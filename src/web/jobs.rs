@@ -32,7 +32,10 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<JobsQuery>) 
         ("failed", Status::Failed),
         ("cancelled", Status::Cancelled),
     ];
-    let status = statuses.iter().find(|(name, _)| *name == query.status).map(|(_, status)| *status);
+    let status = statuses
+        .iter()
+        .find(|(name, _)| *name == query.status)
+        .map(|(_, status)| *status);
     let filter = JobFilter {
         status,
         sequence_hash: None,
@@ -40,7 +43,10 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<JobsQuery>) 
         limit: PAGE_SIZE,
     };
     let jobs = service.store.jobs(&filter).await?;
-    let older = jobs.last().filter(|_| jobs.len() == PAGE_SIZE as usize).map(|job| job.id);
+    let older = jobs
+        .last()
+        .filter(|_| jobs.len() == PAGE_SIZE as usize)
+        .map(|job| job.id);
     let content = html! {
         h1 { "Jobs" }
         form.filters {

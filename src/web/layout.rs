@@ -31,7 +31,9 @@ impl Page<'_> {
     /// The whole document.
     pub fn render(self, service: &Service) -> Html<String> {
         let adapter = match &service.adapter {
-            Ok(adapter) => html! { span.adapter title=(format!("{} {}", adapter.driver, adapter.driver_version)) { (adapter.name) } },
+            Ok(adapter) => {
+                html! { span.adapter title=(format!("{} {}", adapter.driver, adapter.driver_version)) { (adapter.name) } }
+            }
             Err(_) => html! { span.adapter { "no GPU adapter" } },
         };
         Html(self.document(adapter).into_string())

@@ -3,8 +3,8 @@
 
 mod assets;
 mod format;
-mod jobs;
 mod job;
+mod jobs;
 mod layout;
 mod overview;
 mod parts;

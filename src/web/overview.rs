@@ -35,19 +35,31 @@ pub async fn latest(service: &Service, sequence_hash: Option<&str>) -> Result<Ve
     };
     let mut rows = Vec::new();
     for report in service.store.reports(&filter).await? {
-        let history = service.store.points(report.series.id, COLUMNS[0], None, HISTORY).await?;
+        let history = service
+            .store
+            .points(report.series.id, COLUMNS[0], None, HISTORY)
+            .await?;
         rows.push(Row { report, history });
     }
     rows.sort_by(|a, b| {
-        let key = |row: &Row| (row.report.series.sequence_name.clone(), row.report.series.sequence_hash.clone());
-        key(a).cmp(&key(b)).then_with(|| preset_order(&a.report).cmp(&preset_order(&b.report)))
+        let key = |row: &Row| {
+            (
+                row.report.series.sequence_name.clone(),
+                row.report.series.sequence_hash.clone(),
+            )
+        };
+        key(a)
+            .cmp(&key(b))
+            .then_with(|| preset_order(&a.report).cmp(&preset_order(&b.report)))
     });
     Ok(rows)
 }
 
 /// Presets in the order of their publication, then by series.
 fn preset_order(report: &Report) -> (usize, i64) {
-    let place = crate::taa::PRESETS.iter().position(|preset| preset.id == report.series.preset);
+    let place = crate::taa::PRESETS
+        .iter()
+        .position(|preset| preset.id == report.series.preset);
     (place.unwrap_or(usize::MAX), report.series.id)
 }
 

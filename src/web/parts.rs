@@ -92,14 +92,20 @@ pub fn sequence_table(sequences: &[Sequence], now: Timestamp) -> Markup {
 
 /// A metric's last values as a line a word high; the newest has a dot. Nothing for fewer than two.
 pub fn sparkline(metric: &str, points: &[Point]) -> Markup {
-    let finite: Vec<f64> = points.iter().map(|point| point.value.0).filter(|value| value.is_finite()).collect();
+    let finite: Vec<f64> = points
+        .iter()
+        .map(|point| point.value.0)
+        .filter(|value| value.is_finite())
+        .collect();
     if finite.len() < 2 {
         return html! {};
     }
     let low = finite.iter().copied().fold(f64::INFINITY, f64::min);
     let high = finite.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     // Noise in the last digit shown must not look like a landslide.
-    let range = (high - low).max(low.abs().max(high.abs()) * 1e-3).max(f64::MIN_POSITIVE);
+    let range = (high - low)
+        .max(low.abs().max(high.abs()) * 1e-3)
+        .max(f64::MIN_POSITIVE);
     let middle = (high + low) / 2.0;
     let place = |i: usize| {
         let x = 94.0 * i as f64 / (finite.len() - 1) as f64;
@@ -128,7 +134,16 @@ pub fn sparkline(metric: &str, points: &[Point]) -> Markup {
 
 /// The best value of a metric among reports, to be shown in bold; none where all are alike.
 pub fn best<'a>(metric: &str, reports: impl Iterator<Item = &'a Report>) -> Option<f64> {
-    let values: Vec<f64> = reports.filter_map(|report| report.values.get(metric)).map(|value| value.0).collect();
-    let best = values.iter().copied().reduce(|a, b| if format::is_better(metric, Value(b), Value(a)) { b } else { a })?;
+    let values: Vec<f64> = reports
+        .filter_map(|report| report.values.get(metric))
+        .map(|value| value.0)
+        .collect();
+    let best = values.iter().copied().reduce(|a, b| {
+        if format::is_better(metric, Value(b), Value(a)) {
+            b
+        } else {
+            a
+        }
+    })?;
     values.iter().any(|&value| value != best).then_some(best)
 }

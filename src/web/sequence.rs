@@ -14,8 +14,16 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 /// The images a manifest may declare, in the order of its specification.
-const IMAGES: [&str; 8] =
-    ["color", "depth", "motion", "albedo", "object_id", "reactive", "unjittered_color", "reference"];
+const IMAGES: [&str; 8] = [
+    "color",
+    "depth",
+    "motion",
+    "albedo",
+    "object_id",
+    "reactive",
+    "unjittered_color",
+    "reference",
+];
 
 /// `GET /sequences/{sequence}`
 pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Result<Html<String>, PageError> {
@@ -102,7 +110,9 @@ fn reference(sequence: &Sequence) -> Markup {
 
 /// The manifest's sections as a table: what is there, where, and by which conventions.
 fn conventions(manifest: &Value) -> Markup {
-    let sections = IMAGES.iter().filter_map(|name| Some((*name, manifest.get(*name)?.as_object()?)));
+    let sections = IMAGES
+        .iter()
+        .filter_map(|name| Some((*name, manifest.get(*name)?.as_object()?)));
     html! {
         div.scroll { table {
             thead { tr { th { "Image" } th { "Files" } th { "Channels" } th { "Conventions" } } }

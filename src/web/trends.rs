@@ -74,7 +74,10 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<TrendQuery>)
     let branch = given(&query.branch);
     let mut lines = Vec::new();
     for series in service.store.series(&filter).await? {
-        let points = service.store.points(series.id, &query.metric, branch.as_deref(), MAX_POINTS).await?;
+        let points = service
+            .store
+            .points(series.id, &query.metric, branch.as_deref(), MAX_POINTS)
+            .await?;
         if !points.is_empty() {
             lines.push(Line { series, points });
         }
@@ -121,7 +124,10 @@ fn form(query: &TrendQuery, all: &[Series]) -> Markup {
     metrics.push((GPU_TIME.to_owned(), "GPU time".to_owned()));
     let sequences = unique(|series| {
         let short: String = series.sequence_hash.chars().take(6).collect();
-        (series.sequence_hash.clone(), format!("{} ({short})", series.sequence_name))
+        (
+            series.sequence_hash.clone(),
+            format!("{} ({short})", series.sequence_name),
+        )
     });
     let presets = unique(|series| (series.preset.clone(), series.preset.clone()));
     let adapters = unique(|series| (series.adapter.name.clone(), series.adapter.name.clone()));
@@ -208,7 +214,9 @@ fn table(metric: &str, lines: &[Line]) -> Markup {
 /// The step from the second last value to the last: better or worse in words, because colour alone says nothing to
 /// many. Values of different metric versions do not compare.
 fn change(metric: &str, points: &[Point]) -> Markup {
-    let [.., before, after] = points else { return html! { span.muted { (format::ABSENT) } } };
+    let [.., before, after] = points else {
+        return html! { span.muted { (format::ABSENT) } };
+    };
     if before.metric_version != after.metric_version {
         return html! { span.changed { "metric changed" } };
     }
@@ -216,7 +224,11 @@ fn change(metric: &str, points: &[Point]) -> Markup {
     if difference == 0.0 || before.value.0 == after.value.0 {
         return html! { span.changed { "same" } };
     }
-    let word = if format::is_better(metric, after.value, before.value) { "better" } else { "worse" };
+    let word = if format::is_better(metric, after.value, before.value) {
+        "better"
+    } else {
+        "worse"
+    };
     let sign = if difference > 0.0 { "+" } else { "" };
     html! { (sign) (format::value(metric, Some(Value(difference)))) " " span.changed { (word) } }
 }
