@@ -51,8 +51,7 @@ fn default_repeat() -> u32 {
     1
 }
 
-/// More would only mean a typing error.
-const MAX_REPEAT: u32 = 1000;
+const MAX_REPEAT: u32 = 100;
 const MAX_PRESETS: usize = 64;
 const MAX_TEXT_BYTES: usize = 200;
 

@@ -32,7 +32,11 @@ pub fn is_better(id: &str, a: Value, b: Value) -> bool {
 
 /// A column's title: id and unit.
 pub fn title(id: &str) -> Markup {
-    let name = if id == GPU_TIME { "GPU time" } else { id };
+    let name = if id == GPU_TIME {
+        "GPU time".to_owned()
+    } else {
+        id.to_uppercase()
+    };
     let unit = unit(id);
     html! { (name) @if !unit.is_empty() { " " span.unit { (unit) } } }
 }

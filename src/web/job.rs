@@ -27,8 +27,8 @@ pub struct JobQuery {
     /// Position in the job's list.
     #[serde(default)]
     preset: usize,
-    #[serde(default)]
-    frame: usize,
+    /// The last one by default: by then every system has settled.
+    frame: Option<usize>,
 }
 
 /// What the script needs.
@@ -276,7 +276,7 @@ impl Results {
     fn images(&self, query: &JobQuery) -> Markup {
         let chosen = query.preset.min(self.reports.len() - 1);
         let last = self.frames[chosen].len().saturating_sub(1);
-        let frame = query.frame.min(last);
+        let frame = query.frame.unwrap_or(last).min(last);
         let base = format!("/api/v1/reports/{}/frames/{frame}", self.reports[chosen].id);
         let figure = |id: &str, name: &str, rest: Markup| {
             html! {

@@ -48,7 +48,7 @@ pub fn job_table(jobs: &[Job], now: Timestamp) -> Markup {
     html! {
         div.scroll { table {
             thead { tr {
-                th { "Job" } th { "Status" } th { "Sequence" } th { "Presets" } th.wide { "Label" }
+                th { "Job" } th { "Status" } th { "Sequence" } th.wide { "Presets" } th.wide { "Label" }
                 th.wide { "Commit" } th.number { "Queued" }
             } }
             tbody { @for job in jobs {
@@ -58,7 +58,7 @@ pub fn job_table(jobs: &[Job], now: Timestamp) -> Markup {
                         " " span.muted { (job.n_done * 100 / job.n_total) " %" }
                     } }
                     td { a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
-                    td.fill { (job.spec.run.presets.iter().map(|spec| spec.preset.as_str()).collect::<Vec<_>>().join(", ")) }
+                    td.wide.fill { (job.spec.run.presets.iter().map(|spec| spec.preset.as_str()).collect::<Vec<_>>().join(", ")) }
                     td.wide { (job.label.as_deref().unwrap_or_default()) }
                     td.wide { (revision(job.branch.as_deref(), job.commit.as_deref())) }
                     td.number { (format::age(job.created_at, now)) }

@@ -91,7 +91,7 @@ fn reference(sequence: &Sequence) -> Markup {
     let base = format!("/api/v1/sequences/{}/frames/0/reference", sequence.hash);
     let last = sequence.n_frames - 1;
     html! {
-        div.controls {
+        div.controls.single {
             div.frame {
                 button #previous type="button" aria-label="Previous frame" { "←" }
                 input #frame type="range" min="0" max=(last) value="0" aria-label="Frame";
@@ -99,7 +99,7 @@ fn reference(sequence: &Sequence) -> Markup {
                 output #frame-text for="frame" { "frame 0 of " (last) }
             }
         }
-        div.images {
+        div.images.single {
             figure {
                 img #image-reference src={ (base) ".png" } alt="Reference of frame 0";
                 figcaption { b { "Reference" } a #exr-reference href={ (base) ".exr" } { "EXR" } }

@@ -52,6 +52,10 @@ struct Chart<'a> {
 #[derive(Serialize)]
 struct ChartLine<'a> {
     name: String,
+    /// A number a recipe, so that it looks alike on every sequence.
+    color: usize,
+    /// A number a sequence.
+    dash: usize,
     points: &'a [Point],
     /// Seconds since 1970.
     times: Vec<f64>,
@@ -159,22 +163,40 @@ fn select(
 }
 
 fn chart<'a>(metric: &'a str, lines: &'a [Line]) -> Chart<'a> {
-    let one = |key: fn(&Line) -> &str| lines.iter().map(key).collect::<BTreeSet<_>>().len() == 1;
-    let one_sequence = one(|line| &line.series.sequence_hash);
-    let one_adapter = one(|line| &line.series.adapter.name);
+    let distinct = |key: fn(&Line) -> String| {
+        lines
+            .iter()
+            .map(key)
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect::<Vec<_>>()
+    };
+    let recipes = distinct(|line| parts::recipe(&line.series));
+    let sequences = distinct(|line| line.series.sequence_hash.clone());
+    let adapters = distinct(|line| line.series.adapter.name.clone());
+    let place = |all: &[String], one: &str| all.iter().position(|name| name == one).unwrap_or_default();
     let line = |line: &'a Line| {
-        let mut name = parts::recipe(&line.series);
-        if !one_sequence {
-            name = format!("{} · {name}", line.series.sequence_name);
-        }
-        if !one_adapter {
-            name = format!("{name} · {}", line.series.adapter.name);
-        }
-        let times = line.points.iter().map(|point| point.created_at.0 as f64 / 1000.0);
+        let series = &line.series;
+        let recipe = parts::recipe(series);
+        let (color, dash) = (place(&recipes, &recipe), place(&sequences, &series.sequence_hash));
+        let sequence = (sequences.len() > 1).then_some(series.sequence_name.as_str());
+        let adapter = (adapters.len() > 1).then_some(series.adapter.name.as_str());
+        let name = [sequence, Some(&recipe), adapter]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join(" · ");
+        let times = line
+            .points
+            .iter()
+            .map(|point| point.created_at.0 as f64 / 1000.0)
+            .collect();
         ChartLine {
             name,
+            color,
+            dash,
             points: &line.points,
-            times: times.collect(),
+            times,
         }
     };
     Chart {

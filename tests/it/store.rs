@@ -161,7 +161,10 @@ async fn a_crash_gives_the_job_back_and_a_bounded_number_of_times() {
     let failed = store.job(id).await.unwrap().unwrap();
     assert_eq!(failed.status, Status::Failed);
     let error = failed.error.unwrap();
-    assert_eq!((error.kind, error.code.as_str()), (FailureKind::Internal, "interrupted"));
+    assert_eq!(
+        (error.kind, error.code.as_str()),
+        (FailureKind::Internal, "interrupted")
+    );
     assert!(error.message.contains("3 times"), "{}", error.message);
     assert!(store.claim(LEASE, T0).await.unwrap().is_none());
 }
@@ -171,9 +174,15 @@ async fn a_lease_protects_a_job_until_it_runs_out() {
     let (_folder, store, sequence_id) = store().await;
     let first = claimed(&store, sequence_id, &["ema"]).await;
     assert!(store.claim(LEASE, after(1)).await.unwrap().is_none(), "claimed twice");
-    assert!(store.recover(after(29), after(29)).await.unwrap().is_empty(), "the lease still holds");
+    assert!(
+        store.recover(after(29), after(29)).await.unwrap().is_empty(),
+        "the lease still holds"
+    );
     store.heartbeat(&first, 1, 3, after(60)).await.unwrap();
-    assert!(store.recover(after(59), after(59)).await.unwrap().is_empty(), "the lease was renewed");
+    assert!(
+        store.recover(after(59), after(59)).await.unwrap().is_empty(),
+        "the lease was renewed"
+    );
     assert_eq!(store.recover(after(61), after(61)).await.unwrap(), [first.job_id]);
 
     let second = store.claim(LEASE, after(62)).await.unwrap().unwrap();
@@ -209,14 +218,23 @@ async fn only_device_failures_are_tried_again() {
     for kind in [FailureKind::Input, FailureKind::Internal] {
         let claim = claimed(&store, sequence_id, &["ema"]).await;
         assert_eq!(store.fail(&claim, &failure(kind), T0).await.unwrap(), Status::Failed);
-        assert_eq!(store.job(claim.job_id).await.unwrap().unwrap().error.unwrap().kind, kind);
+        assert_eq!(
+            store.job(claim.job_id).await.unwrap().unwrap().error.unwrap().kind,
+            kind
+        );
     }
     let mut claim = claimed(&store, sequence_id, &["ema"]).await;
     for _ in 1..MAX_ATTEMPTS {
-        assert_eq!(store.fail(&claim, &failure(FailureKind::Device), T0).await.unwrap(), Status::Queued);
+        assert_eq!(
+            store.fail(&claim, &failure(FailureKind::Device), T0).await.unwrap(),
+            Status::Queued
+        );
         claim = store.claim(LEASE, T0).await.unwrap().unwrap();
     }
-    assert_eq!(store.fail(&claim, &failure(FailureKind::Device), T0).await.unwrap(), Status::Failed);
+    assert_eq!(
+        store.fail(&claim, &failure(FailureKind::Device), T0).await.unwrap(),
+        Status::Failed
+    );
 }
 
 #[tokio::test]
@@ -269,8 +287,20 @@ async fn every_number_comes_back_as_it_was() {
         assert_eq!(read.metrics["psnr"].0.to_bits(), written.metrics["psnr"].0.to_bits());
         assert_eq!(read.times_ms, written.times_ms);
         assert_eq!(
-            (read.index, read.reset, read.warmup, read.repaired_texels, read.non_finite_pixels),
-            (written.index, written.reset, written.warmup, written.repaired_texels, written.non_finite_pixels)
+            (
+                read.index,
+                read.reset,
+                read.warmup,
+                read.repaired_texels,
+                read.non_finite_pixels
+            ),
+            (
+                written.index,
+                written.reset,
+                written.warmup,
+                written.repaired_texels,
+                written.non_finite_pixels
+            )
         );
     }
     assert_eq!(frames.len(), psnr.len());
@@ -282,7 +312,10 @@ async fn every_number_comes_back_as_it_was() {
     assert_eq!(read.metric_versions, written.metric_versions);
     assert_eq!(read.gpu_time_ms, Some(0.75), "decode is host time");
     assert_eq!(read.created_at, after(5));
-    assert_eq!((read.branch.as_deref(), read.commit.as_deref()), (Some("main"), Some("0123abcd")));
+    assert_eq!(
+        (read.branch.as_deref(), read.commit.as_deref()),
+        (Some("main"), Some("0123abcd"))
+    );
 }
 
 #[tokio::test]
@@ -305,11 +338,20 @@ async fn a_series_holds_what_is_comparable_in_order() {
     let series = store.series(&ema).await.unwrap();
     assert_eq!(series.len(), 2, "another driver is another series");
     let points = store.points(series[0].id, "psnr", None, 100).await.unwrap();
-    assert_eq!(points.iter().map(|point| point.value.0).collect::<Vec<_>>(), [30.0, f64::INFINITY, 32.0]);
+    assert_eq!(
+        points.iter().map(|point| point.value.0).collect::<Vec<_>>(),
+        [30.0, f64::INFINITY, 32.0]
+    );
     assert!(points.is_sorted_by_key(|point| point.created_at));
     let last = store.points(series[0].id, "psnr", Some("main"), 1).await.unwrap();
     assert_eq!(last[0].value.0, 32.0, "the limit keeps the newest");
-    assert!(store.points(series[0].id, "psnr", Some("other"), 100).await.unwrap().is_empty());
+    assert!(
+        store
+            .points(series[0].id, "psnr", Some("other"), 100)
+            .await
+            .unwrap()
+            .is_empty()
+    );
     assert!(store.points(series[0].id, "ssim", None, 100).await.unwrap().is_empty());
     let times = store.points(series[0].id, GPU_TIME, None, 100).await.unwrap();
     assert_eq!(times.iter().map(|point| point.value.0).collect::<Vec<_>>(), [0.75; 3]);
@@ -320,7 +362,10 @@ async fn a_series_holds_what_is_comparable_in_order() {
         ..ReportFilter::default()
     };
     let latest = store.reports(&latest).await.unwrap();
-    let values: Vec<_> = latest.iter().map(|report| (report.series.preset.as_str(), report.values["psnr"].0)).collect();
+    let values: Vec<_> = latest
+        .iter()
+        .map(|report| (report.series.preset.as_str(), report.values["psnr"].0))
+        .collect();
     assert_eq!(values, [("ema", 99.0), ("inside", 32.0), ("ema", 32.0)]);
 }
 
@@ -386,7 +431,11 @@ async fn a_name_means_the_content_last_put_under_it() {
 async fn what_is_no_database_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = database(folder.path());
-    std::fs::write(&path, "this is not a database, only a long enough line of text to look at").unwrap();
+    std::fs::write(
+        &path,
+        "this is not a database, only a long enough line of text to look at",
+    )
+    .unwrap();
     let error = Store::open(&path).await.err().unwrap().to_string();
     assert!(error.contains("test.sqlite"), "{error}");
 }

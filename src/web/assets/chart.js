@@ -2,7 +2,8 @@
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const N_COLORS = 8;
-const DASHES = [[], [6, 4], [2, 3]];
+const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
+const FRAME_STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
 /** The API writes what JSON cannot as text; a chart leaves those frames out. */
 export const finite = (value) => (typeof value === "number" ? value : null);
@@ -25,7 +26,8 @@ function tick(values) {
 
 /**
  * Draws one line a name into `box`, again when its width or the colour scheme changes.
- * `x`: ascending numbers; `lines`: [{ name, values }] with null for gaps; `shaded(index)`: whether to tint a column;
+ * `x`: ascending numbers; `lines`: [{ name, values, color, dash }] with null for gaps, colour and dash by number unless
+ * their order will do; `shaded(index)`: whether to tint a column;
  * `onPick(index)`: called with the x index that was clicked.
  */
 export function draw(box, { x, lines, unit, time = false, xLabel, shaded, onPick }) {
@@ -65,8 +67,8 @@ function options(box, { x, lines, unit, time, xLabel, shaded, onPick }) {
   };
   const series = lines.map((line, i) => ({
     label: line.name,
-    stroke: style(`--series-${i % N_COLORS}`),
-    dash: DASHES[Math.floor(i / N_COLORS) % DASHES.length],
+    stroke: style(`--series-${(line.color ?? i) % N_COLORS}`),
+    dash: DASHES[(line.dash ?? Math.floor(i / N_COLORS)) % DASHES.length],
     width: 1.75,
     points: { show: x.length <= 80, size: 5 },
     spanGaps: time,
@@ -76,10 +78,14 @@ function options(box, { x, lines, unit, time, xLabel, shaded, onPick }) {
     ...size(box),
     scales: { x: { time }, y: { range: (_, low, high) => spread(low, high) } },
     axes: [
-      { ...axis, ...(xLabel ? { label: xLabel, labelSize: 20, labelFont: axis.font } : {}), ...(time ? {} : { incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000] }) },
+      {
+        ...axis,
+        ...(xLabel ? { label: xLabel, labelSize: 20, labelFont: axis.font } : {}),
+        ...(time ? { space: 90, values: (_, times, __, ___, step) => times.map((t) => moment(t, step)) } : { incrs: FRAME_STEPS }),
+      },
       { ...axis, size: 62, values: (_, values) => tick(values) },
     ],
-    series: [{ label: time ? "Time" : "Frame" }, ...series],
+    series: [{ label: time ? "Time" : "Frame", ...(time ? { value: (_, t) => (t === null ? "–" : moment(t, 0)) } : {}) }, ...series],
     legend: { markers: { width: 2 } },
     cursor: { drag: { x: true, y: false }, focus: { prox: 24 } },
     focus: { alpha: 0.25 },
@@ -88,6 +94,17 @@ function options(box, { x, lines, unit, time, xLabel, shaded, onPick }) {
       ready: [(u) => onPick && u.over.addEventListener("click", () => u.cursor.idx !== null && onPick(u.cursor.idx))],
     },
   };
+}
+
+/** Local date and time, as much of it as labels `step` seconds apart need. */
+function moment(seconds, step) {
+  const two = (n) => String(n).padStart(2, "0");
+  const t = new Date(seconds * 1000);
+  const date = `${t.getFullYear()}-${two(t.getMonth() + 1)}-${two(t.getDate())}`;
+  const clock = `${two(t.getHours())}:${two(t.getMinutes())}`;
+  if (step >= 86400) return date;
+  if (step === 0) return `${date} ${clock}:${two(t.getSeconds())}`;
+  return step < 60 ? `${clock}:${two(t.getSeconds())}` : clock === "00:00" ? date : clock;
 }
 
 /** A little air above and below; a flat line still needs a scale. */

@@ -11,7 +11,7 @@ if (box && element) {
   const lines = data.lines.map((line) => {
     const values = new Array(x.length).fill(null);
     line.points.forEach((point, i) => (values[place.get(line.times[i])] = finite(point.value)));
-    return { name: line.name, values };
+    return { name: line.name, color: line.color, dash: line.dash, values };
   });
   const jobs = new Map();
   data.lines.forEach((line) => line.points.forEach((point, i) => jobs.set(line.times[i], point.job_id)));
