@@ -1,14 +1,9 @@
-//! The queue of jobs. A worker claims the oldest with a lease that it keeps renewing; a job whose worker died is taken
-//! up again, at most [`MAX_ATTEMPTS`] times, because the job may be what kills it.
+//! Jobs as their submitters see them: what was asked for, where it stands, how it ended.
 
 use super::{Store, StoreError, Timestamp};
 use crate::run::RunSpec;
 use serde::{Deserialize, Serialize};
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
-use std::time::Duration;
-
-/// How often a job is started before it counts as failed.
-pub const MAX_ATTEMPTS: i64 = 3;
 
 /// Where a job stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, sqlx::Type)]
@@ -166,21 +161,6 @@ impl FromRow<'_, SqliteRow> for Job {
     }
 }
 
-/// A worker's right to write to a job, until its lease runs out or somebody else claims the job.
-#[derive(Clone, Debug)]
-pub struct Claim {
-    /// The job.
-    pub job_id: i64,
-    /// Content hash of its sequence.
-    pub sequence_hash: String,
-    /// What to run.
-    pub spec: JobSpec,
-    /// This is the how manieth start, from 1.
-    pub attempt: i64,
-    pub(super) sequence_id: i64,
-    pub(super) lease: i64,
-}
-
 /// What became of a request to cancel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cancelled {
@@ -261,75 +241,6 @@ impl Store {
         Ok(found)
     }
 
-    /// Puts running jobs whose lease ends before `deadline` back into the queue, or fails them when they had their
-    /// attempts; gives their numbers. A service that has just started owns no job yet and passes [`Timestamp::MAX`].
-    pub async fn recover(&self, deadline: Timestamp, now: Timestamp) -> Result<Vec<i64>, StoreError> {
-        let recovered = sqlx::query_scalar(
-            "UPDATE jobs SET
-                 status = CASE WHEN cancel_requested THEN 'cancelled' WHEN attempts >= ?1 THEN 'failed' ELSE 'queued' END,
-                 error_kind = CASE WHEN NOT cancel_requested AND attempts >= ?1 THEN 'internal' END,
-                 error_code = CASE WHEN NOT cancel_requested AND attempts >= ?1 THEN 'interrupted' END,
-                 error_message = CASE WHEN NOT cancel_requested AND attempts >= ?1 THEN
-                     'the service ended ' || attempts || ' times while it ran this job; see its log' END,
-                 finished_at = CASE WHEN cancel_requested OR attempts >= ?1 THEN ?2 END,
-                 lease_until = NULL, n_done = 0
-             WHERE status = 'running' AND lease_until < ?3
-             RETURNING id",
-        )
-        .bind(MAX_ATTEMPTS)
-        .bind(now)
-        .bind(deadline)
-        .fetch_all(&self.writer)
-        .await?;
-        Ok(recovered)
-    }
-
-    /// Claims the oldest queued job for `lease`.
-    pub async fn claim(&self, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StoreError> {
-        let row = sqlx::query(
-            "UPDATE jobs SET status = 'running', attempts = attempts + 1, lease = lease + 1, lease_until = ?1,
-                             started_at = coalesce(started_at, ?2), n_done = 0
-             WHERE id = (SELECT id FROM jobs WHERE status = 'queued' ORDER BY id LIMIT 1)
-             RETURNING id, sequence_id, (SELECT hash FROM sequences WHERE id = sequence_id) AS hash, spec, attempts,
-                       lease",
-        )
-        .bind(now + lease)
-        .bind(now)
-        .fetch_optional(&self.writer)
-        .await?;
-        let Some(row) = row else { return Ok(None) };
-        Ok(Some(Claim {
-            job_id: row.try_get("id")?,
-            sequence_hash: row.try_get("hash")?,
-            spec: serde_json::from_str(row.try_get("spec")?)?,
-            attempt: row.try_get("attempts")?,
-            sequence_id: row.try_get("sequence_id")?,
-            lease: row.try_get("lease")?,
-        }))
-    }
-
-    /// Renews the claim and notes how far the job is. `true` means that someone asked for its end.
-    pub async fn heartbeat(
-        &self,
-        claim: &Claim,
-        n_done: usize,
-        n_total: usize,
-        lease_until: Timestamp,
-    ) -> Result<bool, StoreError> {
-        sqlx::query_scalar(
-            "UPDATE jobs SET lease_until = ?1, n_done = ?2, n_total = ?3
-             WHERE id = ?4 AND lease = ?5 AND status = 'running' RETURNING cancel_requested",
-        )
-        .bind(lease_until)
-        .bind(n_done as i64)
-        .bind(n_total as i64)
-        .bind(claim.job_id)
-        .bind(claim.lease)
-        .fetch_optional(&self.writer)
-        .await?
-        .ok_or(StoreError::ClaimLost(claim.job_id))
-    }
-
     /// Asks for a job's end.
     pub async fn cancel(&self, id: i64, now: Timestamp) -> Result<Cancelled, StoreError> {
         let mut transaction = self.writer.begin().await?;
@@ -354,59 +265,5 @@ impl Store {
             Some(Status::Running) => Cancelled::Soon,
             Some(_) => Cancelled::TooLate,
         })
-    }
-
-    /// Gives the job back as if it had never been started: the service is shutting down.
-    pub async fn hand_back(&self, claim: &Claim) -> Result<(), StoreError> {
-        let query = sqlx::query(
-            "UPDATE jobs SET status = 'queued', attempts = attempts - 1, lease_until = NULL, n_done = 0
-             WHERE id = ? AND lease = ? AND status = 'running'",
-        );
-        self.end(claim, query.bind(claim.job_id).bind(claim.lease)).await
-    }
-
-    /// Ends a job that noticed its cancellation.
-    pub async fn finish_cancelled(&self, claim: &Claim, now: Timestamp) -> Result<(), StoreError> {
-        let query = sqlx::query(
-            "UPDATE jobs SET status = 'cancelled', lease_until = NULL, finished_at = ?
-             WHERE id = ? AND lease = ? AND status = 'running'",
-        );
-        self.end(claim, query.bind(now).bind(claim.job_id).bind(claim.lease))
-            .await
-    }
-
-    /// Notes a failed attempt: back into the queue where another may help, else failed for good. Gives the status.
-    pub async fn fail(&self, claim: &Claim, failure: &Failure, now: Timestamp) -> Result<Status, StoreError> {
-        if failure.kind == FailureKind::Device && claim.attempt < MAX_ATTEMPTS {
-            let query = sqlx::query(
-                "UPDATE jobs SET status = 'queued', lease_until = NULL, n_done = 0
-                 WHERE id = ? AND lease = ? AND status = 'running'",
-            );
-            self.end(claim, query.bind(claim.job_id).bind(claim.lease)).await?;
-            return Ok(Status::Queued);
-        }
-        let query = sqlx::query(
-            "UPDATE jobs SET status = 'failed', lease_until = NULL, finished_at = ?, error_kind = ?, error_code = ?,
-                             error_message = ?
-             WHERE id = ? AND lease = ? AND status = 'running'",
-        )
-        .bind(now)
-        .bind(failure.kind)
-        .bind(failure.code.as_str())
-        .bind(failure.message.as_str());
-        self.end(claim, query.bind(claim.job_id).bind(claim.lease)).await?;
-        Ok(Status::Failed)
-    }
-
-    /// Runs an update that must hit the claimed job.
-    async fn end(
-        &self,
-        claim: &Claim,
-        query: sqlx::query::Query<'_, sqlx::Sqlite, sqlx::sqlite::SqliteArguments>,
-    ) -> Result<(), StoreError> {
-        match query.execute(&self.writer).await?.rows_affected() {
-            0 => Err(StoreError::ClaimLost(claim.job_id)),
-            _ => Ok(()),
-        }
     }
 }

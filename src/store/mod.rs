@@ -8,6 +8,7 @@
 
 mod data_folder;
 mod jobs;
+mod queue;
 mod reading;
 mod reports;
 mod sequences;
@@ -15,7 +16,8 @@ mod time;
 mod value;
 
 pub use data_folder::{DataFolder, FolderError};
-pub use jobs::{Cancelled, Claim, Failure, FailureKind, Images, Job, JobFilter, JobSpec, MAX_ATTEMPTS, NewJob, Status};
+pub use jobs::{Cancelled, Failure, FailureKind, Images, Job, JobFilter, JobSpec, NewJob, Status};
+pub use queue::{Claim, MAX_ATTEMPTS};
 pub use reading::{GPU_TIME, Point, Report, ReportFilter, Series, SeriesFilter};
 pub use sequences::{NewSequence, Sequence};
 pub use time::Timestamp;

@@ -20,6 +20,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// More presets than a job may have.
 const MAX_REPORTS: u32 = 1000;
 
+/// Narrower than a column of the page, in pixels.
+const MAX_SMALL_WIDTH: u32 = 320;
+
 /// What is chosen; without scripts, a form sends it.
 #[derive(Deserialize)]
 pub struct JobQuery {
@@ -57,6 +60,8 @@ struct Results {
     frames: Vec<Vec<FrameReport>>,
     metrics: BTreeSet<String>,
     has_reference: bool,
+    /// So small that the page enlarges its images; texels then stay sharp.
+    is_small: bool,
 }
 
 /// `GET /jobs/{id}`
@@ -84,6 +89,9 @@ pub async fn page(
             .flat_map(|report| report.summary.keys().cloned())
             .collect(),
         has_reference: sequence.as_ref().is_some_and(has_reference),
+        is_small: sequence
+            .as_ref()
+            .is_some_and(|sequence| sequence.output_size.width <= MAX_SMALL_WIDTH),
         reports,
         frames,
     };
@@ -301,7 +309,7 @@ impl Results {
                 }
                 noscript { button { "Show" } }
             }
-            div.images #figures {
+            div.images.pixelated[self.is_small] #figures {
                 (figure("output", "Output", html! {}))
                 @if self.has_reference {
                     (figure("reference", "Reference", html! {}))
