@@ -50,7 +50,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     let mut jobs = Vec::new();
     for manifest in &arguments.manifests {
         let hash = service.put(manifest).with_context(|| manifest.display().to_string())?;
-        jobs.push(service.post(arguments, &hash).with_context(|| manifest.display().to_string())?);
+        jobs.push(
+            service
+                .post(arguments, &hash)
+                .with_context(|| manifest.display().to_string())?,
+        );
     }
     if !arguments.no_wait {
         for job in &mut jobs {
@@ -91,7 +95,10 @@ impl Service {
     fn answer(&self, response: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> anyhow::Result<Value> {
         let mut response = response.with_context(|| format!("no answer from {}; is the service running?", self.url))?;
         let status = response.status();
-        let body: Value = response.body_mut().read_json().with_context(|| format!("{status} from {}", self.url))?;
+        let body: Value = response
+            .body_mut()
+            .read_json()
+            .with_context(|| format!("{status} from {}", self.url))?;
         if status.is_success() {
             return Ok(body);
         }
@@ -155,7 +162,11 @@ impl Service {
 /// The service takes plain names only; what else there is becomes a dash.
 fn plain_name(name: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    let name: String = name.chars().map(|c| if is_plain(c) { c } else { '-' }).take(100).collect();
+    let name: String = name
+        .chars()
+        .map(|c| if is_plain(c) { c } else { '-' })
+        .take(100)
+        .collect();
     if name.is_empty() { "sequence".to_owned() } else { name }
 }
 
@@ -174,7 +185,11 @@ fn show(jobs: &[Value], metrics: &[Metric], service: &Service) -> String {
                 let mean = report["summary"][metric.id()]["mean"].clone();
                 serde_json::from_value::<MetricValue>(mean).map_or_else(|_| "–".to_owned(), table::value)
             }));
-            row.push(report["gpu_time_ms"].as_f64().map_or_else(|| "–".to_owned(), |ms| format!("{ms:.3}")));
+            row.push(
+                report["gpu_time_ms"]
+                    .as_f64()
+                    .map_or_else(|| "–".to_owned(), |ms| format!("{ms:.3}")),
+            );
             table.add_row(row);
         }
         if reports.is_empty() {

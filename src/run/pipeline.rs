@@ -133,7 +133,10 @@ impl<'a> Stage<'a> {
         stage.record(&mut encoder, 1)?;
         gpu.wait(gpu.queue.submit([encoder.finish()]))?;
         let [once, per_system] = stage.metrics.as_ref().map_or([0, 0], GpuMetrics::n_passes);
-        stage.timer = Timer::new(gpu, plan.n_timed_passes() + once + per_system * plan.systems.len() as u32);
+        stage.timer = Timer::new(
+            gpu,
+            plan.n_timed_passes() + once + per_system * plan.systems.len() as u32,
+        );
         Ok(stage)
     }
 

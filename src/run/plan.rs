@@ -101,7 +101,9 @@ impl Plan {
         if plan.n_timed_passes() > Timer::MAX_PASSES / 2 {
             let limit = Timer::MAX_PASSES / 2;
             let n_passes = plan.n_timed_passes();
-            let message = format!("repeat: {n_passes} timed passes a frame are more than {limit}; ask for fewer presets or repeats");
+            let message = format!(
+                "repeat: {n_passes} timed passes a frame are more than {limit}; ask for fewer presets or repeats"
+            );
             return Err(RunError::Input(message));
         }
         Ok(plan)

@@ -143,7 +143,11 @@ impl<'a> Scorer<'a> {
             warmup,
             repaired_texels: self.repaired_texels(submitted, index)?,
             non_finite_pixels: scores.non_finite_pixels,
-            metrics: scores.values.into_iter().map(|(id, value)| (id.to_owned(), value)).collect(),
+            metrics: scores
+                .values
+                .into_iter()
+                .map(|(id, value)| (id.to_owned(), value))
+                .collect(),
             times_ms,
         })
     }
@@ -252,7 +256,9 @@ fn scores(
     }
     let image = image.expect("read back where the adapter computes no metrics");
     match reference {
-        Some(reference) => reference.evaluate(image).map_err(|error| RunError::Input(error.to_string())),
+        Some(reference) => reference
+            .evaluate(image)
+            .map_err(|error| RunError::Input(error.to_string())),
         None => Ok(FrameScores {
             values: BTreeMap::new(),
             non_finite_pixels: count_non_finite(image),

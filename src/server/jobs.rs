@@ -3,7 +3,7 @@
 use super::{ApiError, ApiPath, ApiQuery, Service, Shared, extract::ApiJson, sequences};
 use crate::{
     metrics::Metric,
-    run::{self, PresetSpec, RunSpec},
+    run::{self, MetricsOn, PresetSpec, RunSpec},
     sequence::Sequence,
     store::{Cancelled, Images, Job, JobFilter, JobSpec, NewJob, Report, ReportFilter, Status, Timestamp},
     taa::{Precision, Preset},
@@ -124,6 +124,7 @@ async fn validated(
         history: request.history,
         n_frames: request.frames,
         repeat: request.repeat,
+        metrics_on: MetricsOn::Auto,
     };
     for (index, spec) in run.presets.iter().enumerate() {
         check_preset(index, spec)?;
