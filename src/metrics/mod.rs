@@ -4,9 +4,9 @@
 //! `R` is the reference, `T` the test image. [`Metric`] is the closed list; [`Metric::info`] says what each number
 //! means; a [`Reference`] scores any number of test images in f64; [`Summary`] condenses a sequence.
 //!
-//! Several metrics share one measured [`Quantity`] (a squared error gives `mse`, `psnr` and `snr` at once), so a frame
+//! Several metrics share one measured `Quantity` (a squared error gives `mse`, `psnr` and `snr` at once), so a frame
 //! is measured once a quantity, whoever measures: `squared_error` and `ssim` on the CPU, `gpu` on the device. A new
-//! metric is a [`Definition`] in its own file, a variant, and its line in [`Metric::definition`].
+//! metric is a `Definition` in its own file, a variant, and its line in `Metric::definition`.
 
 use crate::{
     image::{Extent, Image},
