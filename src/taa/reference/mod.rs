@@ -71,10 +71,12 @@ impl<R: Real> Twin<R> {
         };
         let (color, repaired_texels) = color::prepare(source, self.recipe.domain);
         let history = self.history.take().filter(|_| frame.index > 0 && !frame.reset);
+        let jitter_px = frame.jitter_px.map(R::new);
         let pixel = Pixels {
             recipe: &self.recipe,
             frame,
-            jitter_px: frame.jitter_px.map(R::new),
+            jitter_px,
+            input_weights: blackman_harris(jitter_px),
             color: &color,
             history: history.as_ref(),
         };
@@ -105,6 +107,8 @@ struct Pixels<'a, R> {
     recipe: &'a Recipe,
     frame: &'a Frame,
     jitter_px: [R; 2],
+    /// Weights of the 3×3 input filter, in the order of [`RING`].
+    input_weights: [R; 9],
     color: &'a Image<Color<R>>,
     history: Option<&'a Image<Color<R>>>,
 }
@@ -126,15 +130,10 @@ impl<R: Real> Pixels<'_, R> {
             InputFilter::Texel => self.color.clamped(x, y),
             InputFilter::Unjitter => bilinear(self.color, self.unjittered(x, y)),
             InputFilter::BlackmanHarris => {
-                let (mut sum, mut weights) = (Color::default(), R::new(0.0));
-                for [i, j] in RING {
-                    let dx = R::new(i as f64) + self.jitter_px[0];
-                    let dy = R::new(j as f64) + self.jitter_px[1];
-                    let weight = (R::new(-2.29) * (dx * dx + dy * dy)).exp();
-                    sum = sum + self.color.clamped(x + i, y + j) * weight;
-                    weights = weights + weight;
-                }
-                sum * (R::new(1.0) / weights)
+                let texels = RING.iter().zip(self.input_weights);
+                texels.fold(Color::default(), |sum, ([i, j], weight)| {
+                    sum + self.color.clamped(x + i, y + j) * weight
+                })
             }
         }
     }
@@ -164,7 +163,7 @@ impl<R: Real> Pixels<'_, R> {
             Dilation::Closest => first_largest(|[i, j]| -self.depth(x + i, y + j)),
             Dilation::Longest => first_largest(|[i, j]| {
                 self.motion_at(x + i, y + j)
-                    .map_or(0.0, |m| m.length_px.to_f64() * m.length_px.to_f64())
+                    .map_or(0.0, |motion| motion.length_px.to_f64())
             }),
         };
         self.motion_at(x + chosen[0], y + chosen[1])
@@ -186,8 +185,8 @@ impl<R: Real> Pixels<'_, R> {
             .expect("validated: the recipe needs motion");
         let px = motion.clamped(x, y).map(f64::from);
         let extent = self.color.extent();
-        let length = libm::hypot(px[0], px[1]);
-        // False for NaN, too.
+        // In f64 no f32 overflows when squared; the comparison is false for NaN, too.
+        let length = (px[0] * px[0] + px[1] * px[1]).sqrt();
         (length <= 4.0 * f64::from(extent.width.max(extent.height))).then(|| Motion {
             px: px.map(R::new),
             length_px: R::new(length),
@@ -282,6 +281,16 @@ impl<R: Real> Pixels<'_, R> {
         }
         Color::mix(sum * c(1.0 / 7.0), resolved, keep)
     }
+}
+
+/// `exp(-2.29 |d|²)` at the samples of [`RING`], which lie at their offset plus the jitter; normalised.
+fn blackman_harris<R: Real>(jitter_px: [R; 2]) -> [R; 9] {
+    let weights = RING.map(|offset| {
+        let [dx, dy] = [0, 1].map(|axis| R::new(offset[axis] as f64) + jitter_px[axis]);
+        (R::new(-2.29) * (dx * dx + dy * dy)).exp()
+    });
+    let sum = weights.into_iter().fold(R::new(0.0), |sum, weight| sum + weight);
+    weights.map(|weight| weight / sum)
 }
 
 /// The first offset of [`RING`] with the largest score.

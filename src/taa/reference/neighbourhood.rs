@@ -36,42 +36,18 @@ pub fn color_box<R: Real>(
         };
         rgb.to_space(recipe.space)
     };
-    let minmax = |offsets: &[[i64; 2]]| {
-        let first = texel(offsets[0]);
-        let mut bounds = ColorBox {
-            lo: first,
-            hi: first,
-            mean: first,
-        };
-        for &offset in &offsets[1..] {
-            let c = texel(offset);
-            bounds = ColorBox {
-                lo: bounds.lo.min(c),
-                hi: bounds.hi.max(c),
-                mean: bounds.mean + c,
-            };
-        }
-        bounds.mean = bounds.mean * R::new(1.0 / offsets.len() as f64);
-        bounds
-    };
+    let cross = || minmax(CROSS.into_iter().map(texel));
+    let box3 = || minmax(window(3).map(texel));
     match recipe.neighbourhood {
         Neighbourhood::None => None,
-        Neighbourhood::Cross => Some(minmax(&CROSS)),
-        Neighbourhood::Box3 => Some(minmax(&window(3))),
-        Neighbourhood::Rounded => {
-            let (a, b) = (minmax(&CROSS), minmax(&window(3)));
-            let average = |a: Color<R>, b: Color<R>| (a + b) * R::new(0.5);
-            Some(ColorBox {
-                lo: average(a.lo, b.lo),
-                hi: average(a.hi, b.hi),
-                mean: average(a.mean, b.mean),
-            })
-        }
+        Neighbourhood::Cross => Some(cross()),
+        Neighbourhood::Box3 => Some(box3()),
+        Neighbourhood::Rounded => Some(cross().average(box3())),
         Neighbourhood::Variance => {
-            let texels: Vec<_> = window(recipe.variance_window).into_iter().map(texel).collect();
-            let bounds = variance(texel([0, 0]), &texels, R::new(recipe.variance_gamma));
+            let texels = window(recipe.variance_window).map(texel);
+            let bounds = variance(texel([0, 0]), texels, R::new(recipe.variance_gamma));
             Some(if recipe.intersect_minmax {
-                bounds.intersect(minmax(&window(3)))
+                bounds.intersect(box3())
             } else {
                 bounds
             })
@@ -80,24 +56,33 @@ pub fn color_box<R: Real>(
 }
 
 /// Offsets of n×n texels, row by row.
-fn window(n: u32) -> Vec<[i64; 2]> {
+fn window(n: u32) -> impl Iterator<Item = [i64; 2]> {
     let radius = i64::from(n / 2);
-    (-radius..=radius)
-        .flat_map(|y| (-radius..=radius).map(move |x| [x, y]))
-        .collect()
+    (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| [x, y]))
+}
+
+/// Minimum, maximum and mean of at least one texel.
+fn minmax<R: Real>(mut texels: impl Iterator<Item = Color<R>>) -> ColorBox<R> {
+    let first = texels.next().unwrap_or_default();
+    let (mut lo, mut hi, mut sum, mut n) = (first, first, first, 1);
+    for c in texels {
+        (lo, hi, sum, n) = (lo.min(c), hi.max(c), sum + c, n + 1);
+    }
+    let mean = sum * R::new(1.0 / f64::from(n));
+    ColorBox { lo, hi, mean }
 }
 
 /// Mean ± γ σ. Moments are taken about `centre`: `m2/N - μ²` cancels where the texels are bright and alike.
-fn variance<R: Real>(centre: Color<R>, texels: &[Color<R>], gamma: R) -> ColorBox<R> {
-    let (mut m1, mut m2) = (Color::default(), Color::default());
-    for &texel in texels {
+fn variance<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>>, gamma: R) -> ColorBox<R> {
+    let square = |c: Color<R>| c.zip(c, |a, b| a * b);
+    let (mut m1, mut m2, mut n) = (Color::default(), Color::default(), 0);
+    for texel in texels {
         let d = texel - centre;
-        m1 = m1 + d;
-        m2 = m2 + d.zip(d, |a, b| a * b);
+        (m1, m2, n) = (m1 + d, m2 + square(d), n + 1);
     }
-    let per_texel = R::new(1.0 / texels.len() as f64);
+    let per_texel = R::new(1.0 / f64::from(n));
     let offset = m1 * per_texel;
-    let sigma = (m2 * per_texel - offset.zip(offset, |a, b| a * b)).map(|v| v.max(R::new(0.0)).sqrt());
+    let sigma = (m2 * per_texel - square(offset)).map(|v| v.max(R::new(0.0)).sqrt());
     let mean = centre + offset;
     ColorBox {
         lo: mean - sigma * gamma,
@@ -107,6 +92,16 @@ fn variance<R: Real>(centre: Color<R>, texels: &[Color<R>], gamma: R) -> ColorBo
 }
 
 impl<R: Real> ColorBox<R> {
+    /// Bounds and mean half-way between both.
+    fn average(self, other: Self) -> Self {
+        let average = |a: Color<R>, b: Color<R>| (a + b) * R::new(0.5);
+        Self {
+            lo: average(self.lo, other.lo),
+            hi: average(self.hi, other.hi),
+            mean: average(self.mean, other.mean),
+        }
+    }
+
     /// The part inside `other`; the whole of `other` where a channel has none. The mean stays.
     fn intersect(self, other: Self) -> Self {
         let (lo, hi) = (self.lo.max(other.lo), self.hi.min(other.hi));
@@ -130,7 +125,7 @@ mod tests {
         let texels: Vec<_> = (0..9)
             .map(|i| Color::<f32>::splat(1e4 + if i % 2 == 0 { 1e-3 } else { -1e-3 }))
             .collect();
-        let bounds = variance(texels[0], &texels, 1.0);
+        let bounds = variance(texels[0], texels.iter().copied(), 1.0);
         let extent = bounds.hi.0[0] - bounds.lo.0[0];
         assert!((1e-3..4e-3).contains(&extent), "{extent}");
     }

@@ -66,13 +66,13 @@ impl Real for f32 {
         f64::from(self)
     }
     fn sqrt(self) -> Self {
-        libm::sqrtf(self)
+        Self::sqrt(self)
     }
     fn exp(self) -> Self {
         libm::expf(self)
     }
     fn floor(self) -> Self {
-        libm::floorf(self)
+        Self::floor(self)
     }
     fn round_to_f16(self) -> Self {
         half::f16::from_f32(self).to_f32()
@@ -87,13 +87,13 @@ impl Real for f64 {
         self
     }
     fn sqrt(self) -> Self {
-        libm::sqrt(self)
+        Self::sqrt(self)
     }
     fn exp(self) -> Self {
         libm::exp(self)
     }
     fn floor(self) -> Self {
-        libm::floor(self)
+        Self::floor(self)
     }
     fn round_to_f16(self) -> Self {
         half::f16::from_f64(self).to_f64()
