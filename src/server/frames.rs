@@ -32,7 +32,7 @@ use std::{
 };
 
 /// The error that is drawn white unless `?max=` says otherwise: a tenth of the display range.
-const DEFAULT_MAX_ERROR: f32 = 0.1;
+pub const DEFAULT_MAX_ERROR: f32 = 0.1;
 
 /// Tells a viewer of a false-colour image what white stands for.
 const MAX_ERROR_HEADER: HeaderName = HeaderName::from_static("x-afterimage-error-max");

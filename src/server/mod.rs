@@ -13,6 +13,7 @@ mod upload;
 
 pub use error::ApiError;
 pub use extract::{ApiPath, ApiQuery};
+pub use frames::DEFAULT_MAX_ERROR;
 
 use crate::{
     config::{Config, ConfigError},

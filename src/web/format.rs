@@ -58,7 +58,10 @@ pub fn value(id: &str, value: Option<Value>) -> String {
         _ if x != 0.0 && x.abs() < 1e-3 => format!("{x:.3e}"),
         _ => format!("{x:.5}"),
     };
-    text.replacen('-', "−", 1)
+    match text.strip_prefix('-') {
+        Some(digits) => format!("−{digits}"),
+        None => text,
+    }
 }
 
 /// Milliseconds.

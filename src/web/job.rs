@@ -9,7 +9,7 @@ use super::{
 use crate::{
     metrics::Value,
     run::report::FrameReport,
-    server::{ApiError, ApiPath, ApiQuery, Shared},
+    server::{ApiError, ApiPath, ApiQuery, DEFAULT_MAX_ERROR, Shared},
     store::{FailureKind, GPU_TIME, Images, Job, Report, ReportFilter, Sequence, Timestamp},
 };
 use axum::{extract::State, response::Html};
@@ -23,6 +23,9 @@ const MAX_REPORTS: u32 = 1000;
 /// Narrower than a column of the page, in pixels.
 const MAX_SMALL_WIDTH: u32 = 320;
 
+/// The errors, in display values, that the error image can draw white.
+const ERROR_SCALES: [f32; 5] = [0.02, 0.05, DEFAULT_MAX_ERROR, 0.25, 1.0];
+
 /// What is chosen; without scripts, a form sends it.
 #[derive(Deserialize)]
 pub struct JobQuery {
@@ -32,6 +35,8 @@ pub struct JobQuery {
     preset: usize,
     /// The last one by default: by then every system has settled.
     frame: Option<usize>,
+    /// The error that is drawn white.
+    max: Option<f32>,
 }
 
 /// What the script needs.
@@ -286,10 +291,19 @@ impl Results {
         let last = self.frames[chosen].len().saturating_sub(1);
         let frame = query.frame.unwrap_or(last).min(last);
         let base = format!("/api/v1/reports/{}/frames/{frame}", self.reports[chosen].id);
+        let chosen_max = query
+            .max
+            .filter(|max| ERROR_SCALES.contains(max))
+            .unwrap_or(DEFAULT_MAX_ERROR);
         let figure = |id: &str, name: &str, rest: Markup| {
+            let scale = if id == "error" {
+                format!("?max={chosen_max}")
+            } else {
+                String::new()
+            };
             html! {
                 figure {
-                    a href={ (base) "/" (id) ".png" } { img #{ "image-" (id) } src={ (base) "/" (id) ".png" } alt={ (name) " of frame " (frame) }; }
+                    a href={ (base) "/" (id) ".png" (scale) } { img #{ "image-" (id) } src={ (base) "/" (id) ".png" (scale) } alt={ (name) " of frame " (frame) }; }
                     figcaption { b { (name) } (rest) a #{ "exr-" (id) } href={ (base) "/" (id) ".exr" } { "EXR" } }
                 }
             }
@@ -307,13 +321,18 @@ impl Results {
                     button #next type="button" aria-label="Next frame" title="Right arrow key" { "→" }
                     output #frame-text for="frame" { "frame " (frame) " of " (last) }
                 }
+                @if self.has_reference {
+                    label { "Error shown up to" select #max name="max" {
+                        @for max in ERROR_SCALES { option value=(max) selected[max == chosen_max] { (max) } }
+                    } }
+                }
                 noscript { button { "Show" } }
             }
             div.images.pixelated[self.is_small] #figures {
                 (figure("output", "Output", html! {}))
                 @if self.has_reference {
                     (figure("reference", "Reference", html! {}))
-                    (figure("error", "Error", html! { span { "0 " img.scale src=(super::assets::url("scale.png")) alt="black to white"; " 0.1" } }))
+                    (figure("error", "Error", html! { span { "0 " img.scale src=(super::assets::url("scale.png")) alt="black to white"; " " span #max-text { (chosen_max) } } }))
                 }
             }
             p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta." }

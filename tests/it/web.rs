@@ -91,7 +91,7 @@ fn every_page_shows_its_data() {
         &[
             "/frames/11/output.png",
             "/frames/11/reference.png",
-            "/frames/11/error.png",
+            "/frames/11/error.png?max=0.1",
             "frame 11 of 11",
         ],
     );

@@ -20,7 +20,8 @@ export function format(value, unit) {
 /** Axis labels need only the digits that tell them apart. */
 function tick(values) {
   const step = values.length > 1 ? Math.abs(values[1] - values[0]) : 1;
-  const digits = Math.max(0, Math.min(8, Math.ceil(-Math.log10(step) - 1e-6)));
+  let digits = 0;
+  while (digits < 8 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6) digits++;
   return values.map((v) => (v !== 0 && Math.abs(v) < 1e-4 ? v.toExponential(1) : v.toFixed(digits)));
 }
 

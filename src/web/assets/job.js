@@ -53,8 +53,17 @@ function chart() {
 function images() {
   const names = data.reference ? ["output", "reference", "error"] : ["output"];
   const preset = byId("preset");
-  const view = viewer(names, (frame) => `/api/v1/reports/${data.reports[preset.value].id}/frames/${frame}`);
+  const max = byId("max");
+  const view = viewer(
+    names,
+    (frame) => `/api/v1/reports/${data.reports[preset.value].id}/frames/${frame}`,
+    (name) => (name === "error" ? `?max=${max.value}` : ""),
+  );
   preset.addEventListener("change", () => view.show());
+  max?.addEventListener("change", () => {
+    byId("max-text").textContent = max.value;
+    view.show();
+  });
   byId("viewer").addEventListener("submit", (event) => event.preventDefault());
   return view;
 }

@@ -3,8 +3,11 @@
 
 const byId = (id) => document.getElementById(id);
 
-/** `names`: of the images on the page; `base(frame)`: the address that their names are appended to. */
-export function viewer(names, base) {
+/**
+ * `names`: of the images on the page; `base(frame)`: the address that their names are appended to; `query(name)`: what
+ * follows them.
+ */
+export function viewer(names, base, query = () => "") {
   const slider = byId("frame");
   const last = Number(slider.max);
 
@@ -14,11 +17,11 @@ export function viewer(names, base) {
     byId("frame-text").textContent = `frame ${frame} of ${last}`;
     for (const name of names) {
       const image = byId(`image-${name}`);
-      image.src = `${base(frame)}/${name}.png`;
+      image.src = `${base(frame)}/${name}.png${query(name)}`;
       image.alt = `${name} of frame ${frame}`;
       if (image.parentElement.tagName === "A") image.parentElement.href = image.src;
       byId(`exr-${name}`).href = `${base(frame)}/${name}.exr`;
-      if (frame < last) new Image().src = `${base(frame + 1)}/${name}.png`;
+      if (frame < last) new Image().src = `${base(frame + 1)}/${name}.png${query(name)}`;
     }
   }
 
