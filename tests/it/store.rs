@@ -4,7 +4,7 @@ use afterimage::{
     image::Extent,
     metrics::{Metric, Summary, Value},
     run::{
-        PresetSpec, RunSpec,
+        MetricsOn, PresetSpec, RunSpec,
         report::{AdapterInfo, FrameReport, PresetReport, Report, SequenceInfo, TimeSummary},
     },
     store::{
@@ -62,6 +62,7 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
                 history: Precision::F16,
                 n_frames: None,
                 repeat: 1,
+                metrics_on: MetricsOn::Auto,
             },
             images: Images::Half,
         },
