@@ -218,7 +218,7 @@ impl Store {
             )
         } else if filter.latest_only {
             select_reports!(
-                "WHERE reports.id = series.latest_report_id AND (?1 IS NULL OR sequences.hash = ?1)
+                "WHERE reports.id IN (SELECT latest_report_id FROM series) AND (?1 IS NULL OR sequences.hash = ?1)
                    AND (?2 IS NULL OR variants.preset = ?2) AND ?3 IS NULL
                  ORDER BY reports.id DESC LIMIT ?4"
             )
