@@ -22,5 +22,5 @@ ENV AFTERIMAGE_LISTEN=0.0.0.0:8080 \
     AFTERIMAGE_INSECURE=true \
     MESA_SHADER_CACHE_DIR=/data/shader-cache \
     NODEVICE_SELECT=1
-HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl --fail --silent --output /dev/null http://127.0.0.1:8080/api/v1/adapter
+HEALTHCHECK --interval=30s --timeout=5s --start-period=10s CMD curl --fail --silent --output /dev/null http://127.0.0.1:8080/api/v1/health
 CMD ["afterimage", "serve"]

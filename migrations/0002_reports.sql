@@ -59,7 +59,7 @@ CREATE TABLE report_metrics (
     report_id INTEGER NOT NULL REFERENCES reports (id) ON DELETE CASCADE,
     metric_id INTEGER NOT NULL REFERENCES metrics (id),
     version   INTEGER NOT NULL,
-    -- The one number that stands for the sequence: pooled where the metric is pooled, else the mean.
+    -- The one number that stands for the sequence: the mean of its frames after warm-up.
     value     REAL,
     special   TEXT CHECK (special IN ('inf', '-inf', 'nan')),
     summary   TEXT NOT NULL CHECK (json_valid(summary)),

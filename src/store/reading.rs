@@ -41,7 +41,7 @@ pub struct Report {
     pub gpu_time_ms: Option<f64>,
     /// When it was stored.
     pub created_at: Timestamp,
-    /// The one number that stands for the sequence, by metric.
+    /// The one number that stands for the sequence, by metric: the mean of its frames after warm-up.
     pub values: BTreeMap<String, Value>,
     /// By metric.
     pub summary: BTreeMap<String, Summary>,
@@ -253,8 +253,8 @@ impl Store {
         .await?;
         for row in metrics {
             let metric: String = row.try_get("name")?;
-            let headline = value::value(row.try_get("value")?, row.try_get("special")?);
-            report.values.insert(metric.clone(), headline);
+            let mean = value::value(row.try_get("value")?, row.try_get("special")?);
+            report.values.insert(metric.clone(), mean);
             report.summary.insert(metric.clone(), json(&row, "summary")?);
             report.metric_versions.insert(metric, row.try_get("version")?);
         }

@@ -1,29 +1,13 @@
 //! Writing what a job produced: every row and the job's `done`, in one transaction.
 
 use super::{Claim, Store, StoreError, Timestamp, value};
-use crate::{
-    metrics::{Summary, Value},
-    run::report::{AdapterInfo, FrameReport, PresetReport, Report},
-};
+use crate::run::report::{AdapterInfo, FrameReport, PresetReport, Report};
 use sqlx::{Sqlite, Transaction};
 use std::collections::BTreeMap;
 
-/// The one number that stands for a sequence in tables and trends: a PSNR is pooled from the mean squared error, so
-/// that a single perfect frame cannot make the average infinite.
-pub(super) fn headline(summary: &Summary) -> Value {
-    summary.pooled.unwrap_or(summary.mean)
-}
-
-/// The stages of a frame that are host time; every other name in `times_ms` is a pass on the GPU.
-const HOST_STAGES: [&str; 5] = ["host_cpu", "decode", "upload", "readback", "metrics"];
-
 /// GPU time of one frame, milliseconds: the sum of its passes' medians. `None` where nothing was timed.
 fn gpu_time_ms(report: &PresetReport) -> Option<f64> {
-    let passes = report
-        .times_ms
-        .iter()
-        .filter(|(pass, _)| !HOST_STAGES.contains(&pass.as_str()));
-    passes.map(|(_, time)| time.median).reduce(|a, b| a + b)
+    report.times_ms.values().map(|time| time.median).reduce(|a, b| a + b)
 }
 
 impl Store {
@@ -168,7 +152,7 @@ impl ReportWriter<'_> {
     async fn summaries(&mut self, report_id: i64, preset: &PresetReport) -> Result<(), StoreError> {
         for (metric, summary) in &preset.summary {
             let metric_id = self.name(Names::Metrics, metric).await?;
-            let (number, special) = value::columns(headline(summary));
+            let (number, special) = value::columns(summary.mean);
             sqlx::query(
                 "INSERT INTO report_metrics (report_id, metric_id, version, value, special, summary)
                  VALUES (?, ?, ?, ?, ?, ?)",

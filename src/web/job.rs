@@ -252,7 +252,7 @@ impl Results {
                     }
                 } }
             } }
-            p.muted { "Frames of the warm-up after a reset are stored but not counted here. A PSNR is that of the mean squared error." }
+            p.muted { "Frames of the warm-up after a reset are stored but not counted here." }
         }
     }
 

@@ -281,7 +281,7 @@ fn a_job_from_upload_to_trend() {
     for report in reports {
         let psnr = report["values"]["psnr"].as_f64().unwrap();
         assert!((10.0..80.0).contains(&psnr), "{report}");
-        assert_eq!(report["values"]["psnr"], report["summary"]["psnr"]["pooled"]);
+        assert_eq!(report["values"]["psnr"], report["summary"]["psnr"]["mean"]);
         assert!(report["gpu_time_ms"].as_f64().unwrap() > 0.0, "{report}");
         assert_eq!(
             (&report["commit"], &report["branch"]),

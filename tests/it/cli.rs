@@ -1,1 +1,182 @@
-//! cli
+//! The command line as a user meets it: the built binary, its output, its exit status.
+
+use serde_json::Value;
+use std::{
+    path::PathBuf,
+    process::{Command, Output},
+};
+
+fn afterimage(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_afterimage"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Standard output of a command that must succeed.
+fn succeed(arguments: &[&str]) -> String {
+    let output = afterimage(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// The complaint of a command that must refuse with status 2.
+fn refuse(arguments: &[&str]) -> String {
+    let output = afterimage(arguments);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output.stdout));
+    text(&output.stderr)
+}
+
+#[test]
+fn run_reports_in_json_what_it_promises() {
+    let json = succeed(&[
+        "run",
+        "fixtures/pan",
+        "--preset",
+        "none,karis2014",
+        "--metrics",
+        "psnr,ssim",
+        "--repeat",
+        "3",
+        "--json",
+        "-",
+    ]);
+    let report: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(report["sequence"]["name"], "pan");
+    assert_eq!(report["sequence"]["hash"].as_str().unwrap().len(), 64);
+    assert!(!report["adapter"]["name"].as_str().unwrap().is_empty());
+    let karis = &report["reports"][1];
+    assert_eq!(karis["preset"], "karis2014");
+    assert_eq!(karis["parameters"]["history_filter"], "catmull_rom_5");
+    let frames = karis["frames"].as_array().unwrap();
+    for (index, frame) in frames.iter().enumerate() {
+        assert_eq!(frame["index"], index);
+        assert!(frame["metrics"]["psnr"].as_f64().unwrap() > 5.0, "{frame}");
+        assert!(frame["times_ms"]["resolve"].as_f64().unwrap() > 0.0, "{frame}");
+    }
+    assert_eq!(frames[0]["warmup"], true);
+    for key in ["mean", "min", "p5", "pooled", "infinite"] {
+        assert!(karis["summary"]["psnr"].get(key).is_some(), "{key}");
+    }
+    let n_counted = frames.iter().filter(|frame| frame["warmup"] == false).count();
+    assert_eq!(
+        karis["times_ms"]["resolve"]["n"],
+        3 * n_counted,
+        "warm-up is not counted"
+    );
+}
+
+#[test]
+fn run_writes_the_shown_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = folder.path().to_str().unwrap();
+    succeed(&[
+        "run",
+        "fixtures/pan",
+        "--preset",
+        "ema,ema",
+        "--set",
+        "ema.current_weight=1",
+        "--frames",
+        "2",
+        "--images",
+        images,
+    ]);
+    let path = |preset: &str, frame: u32| folder.path().join(preset).join(format!("output_{frame:04}.exr"));
+    let all: Vec<PathBuf> = vec![path("ema", 0), path("ema", 1), path("ema-2", 0), path("ema-2", 1)];
+    for path in &all {
+        assert!(path.is_file(), "{}", path.display());
+    }
+    let [first, second] = [&all[0], &all[2]].map(|path| path.to_str().unwrap());
+    let json: Value = serde_json::from_str(&succeed(&["compare", first, second, "--json", "-"])).unwrap();
+    assert_eq!(json["metrics"]["psnr"], "inf", "the same recipe twice");
+}
+
+#[test]
+fn overrides_change_the_result_and_mistakes_are_named() {
+    let psnr = |set: &str| {
+        let json = succeed(&["run", "fixtures/pan", "--preset", "ema", "--set", set, "--json", "-"]);
+        let report: Value = serde_json::from_str(&json).unwrap();
+        report["reports"][0]["summary"]["psnr"]["mean"].as_f64().unwrap()
+    };
+    assert_ne!(psnr("current_weight=0.1"), psnr("history_filter=catmull_rom"));
+    let run = |preset: &str, set: &str| refuse(&["run", "fixtures/pan", "--preset", preset, "--set", set]);
+    assert!(run("ema", "curent_weight=0.1").contains("did you mean `current_weight`"));
+    assert!(run("ema", "current_weight=0").contains("current_weight: must be above 0"));
+    assert!(run("ema", "dilation=nearest").contains("dilation"));
+    assert!(run("ema", "karis2014.dilation=none").contains("--preset does not ask for `karis2014`"));
+    assert!(run("karis2041", "dilation=none").contains("did you mean `karis2014`"));
+}
+
+#[test]
+fn wrong_use_names_the_thing() {
+    let missing = refuse(&["run", "fixtures/nowhere", "--preset", "ema"]);
+    assert!(missing.contains("fixtures/nowhere"), "{missing}");
+    let metric = refuse(&["run", "fixtures/pan", "--preset", "ema", "--metrics", "pnsr"]);
+    assert!(metric.contains("did you mean `psnr`"), "{metric}");
+    let adapter = refuse(&["run", "fixtures/pan", "--preset", "ema", "--adapter", "voodoo"]);
+    assert!(adapter.contains("no adapter matches `voodoo`"), "{adapter}");
+    let repeat = refuse(&["run", "fixtures/pan", "--preset", "ema", "--repeat", "0"]);
+    assert!(repeat.contains("repeat"), "{repeat}");
+    assert!(
+        refuse(&["submit", "http://127.0.0.1:1", "fixtures/pan", "--preset", "ema"]).contains("is the service running")
+    );
+}
+
+/// The loader finds no driver at all where the list of drivers is empty.
+#[test]
+fn no_driver_says_what_to_install() {
+    let output = Command::new(env!("CARGO_BIN_EXE_afterimage"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", "fixtures/pan", "--preset", "ema"])
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        text(&output.stderr).contains("mesa-vulkan-drivers"),
+        "{}",
+        text(&output.stderr)
+    );
+}
+
+#[test]
+fn compare_says_no_to_bad_pixels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nan.exr");
+    let extent = afterimage::image::Extent::new(16, 16);
+    let image = afterimage::image::Image::from_fn(extent, |x, _| [if x == 3 { f32::NAN } else { 0.5 }; 3]);
+    afterimage::image::files::exr::write_rgb_exr(&path, &image, afterimage::image::files::exr::FloatFormat::Float)
+        .unwrap();
+    let path = path.to_str().unwrap();
+    let output = afterimage(&["compare", path, path]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("16"), "the count of bad pixels");
+}
+
+#[test]
+fn lists_are_complete_in_both_forms() {
+    for (what, some) in [
+        ("presets", "salvi2016"),
+        ("metrics", "psnr.linear"),
+        ("adapters", "driver"),
+    ] {
+        assert!(succeed(&["list", what]).contains(some), "{what}");
+        let json: Value = serde_json::from_str(&succeed(&["list", what, "--json"])).unwrap();
+        assert!(!json.as_array().unwrap().is_empty(), "{what}");
+    }
+}
+
+#[test]
+fn every_command_shows_examples() {
+    for command in ["run", "compare", "serve", "submit", "list"] {
+        let help = succeed(&[command, "--help"]);
+        assert!(help.contains("Examples:"), "{command}");
+    }
+}

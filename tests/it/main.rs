@@ -9,6 +9,7 @@ mod gpu_vs_reference;
 mod images;
 mod negative_controls;
 mod properties;
+mod run;
 mod sequence;
 mod shaders;
 mod store;

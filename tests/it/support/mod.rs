@@ -53,7 +53,7 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
             return [0.8, 0.1 + 0.2 * noise(x, y, index as u32), 0.05];
         }
         let lamp = if (x / 8 + y / 8) % 7 == 3 { 40.0 } else { 1.0 };
-        let stripes = 0.5 + 0.5 * ((x as f32 + 0.37 * t) * 1.9 + y as f32 * 0.8).sin();
+        let stripes = 0.5 + 0.5 * libm::sinf((x as f32 + 0.37 * t) * 1.9 + y as f32 * 0.8);
         [
             lamp * stripes,
             0.3 * noise(x, y, 1) + 0.1,

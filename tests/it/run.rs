@@ -1,0 +1,221 @@
+//! A whole run: what the report says, and that metrics do not depend on where they are computed.
+
+use crate::support::gpu;
+use afterimage::{
+    image::{
+        Image,
+        files::{Backend, FileReader, Limits},
+    },
+    metrics::Metric,
+    run::{self, MetricsOn, Observer, PresetSpec, RunError, RunSpec, report::Report},
+    sequence::{Sequence, frame::Rgb},
+    taa::{PRESETS, Precision},
+};
+use std::{
+    path::Path,
+    sync::atomic::{AtomicUsize, Ordering},
+};
+
+fn sequence(path: &str) -> Sequence {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
+    Sequence::open(&path, &FileReader::new(Backend::Auto, Limits::default())).unwrap()
+}
+
+fn spec(presets: &[&str]) -> RunSpec {
+    RunSpec {
+        presets: presets
+            .iter()
+            .map(|preset| PresetSpec {
+                preset: (*preset).to_owned(),
+                parameters: serde_json::Map::new(),
+            })
+            .collect(),
+        metrics: Metric::ALL.to_vec(),
+        history: Precision::F32,
+        n_frames: None,
+        repeat: 1,
+        metrics_on: MetricsOn::Cpu,
+    }
+}
+
+/// Counts; cancels once `cancel_after` pairs are done.
+struct Count {
+    n_done: AtomicUsize,
+    n_images: AtomicUsize,
+    cancel_after: usize,
+}
+
+impl Count {
+    fn new(cancel_after: usize) -> Self {
+        Self {
+            n_done: AtomicUsize::new(0),
+            n_images: AtomicUsize::new(0),
+            cancel_after,
+        }
+    }
+}
+
+impl Observer for Count {
+    fn progress(&self, n_done: usize, n_total: usize) {
+        assert!(n_done <= n_total);
+        self.n_done.fetch_max(n_done, Ordering::Relaxed);
+    }
+    fn wants_output(&self) -> bool {
+        true
+    }
+    fn output(&self, _: usize, _: usize, _: &Image<Rgb>) -> std::io::Result<()> {
+        self.n_images.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    }
+    fn cancelled(&self) -> bool {
+        self.n_done.load(Ordering::Relaxed) >= self.cancel_after
+    }
+}
+
+fn execute(spec: &RunSpec, sequence: &Sequence) -> Report {
+    run::execute(spec, sequence, gpu(), &Count::new(usize::MAX)).unwrap()
+}
+
+#[test]
+fn metrics_agree_wherever_they_are_computed() {
+    let sequence = sequence("fixtures/pan");
+    let on_cpu = execute(&spec(&["inside", "salvi2016"]), &sequence);
+    let on_gpu = execute(
+        &RunSpec {
+            metrics_on: MetricsOn::Gpu,
+            ..spec(&["inside", "salvi2016"])
+        },
+        &sequence,
+    );
+    for (a, b) in on_cpu.reports.iter().zip(&on_gpu.reports) {
+        for (a, b) in a.frames.iter().zip(&b.frames) {
+            assert_eq!(a.metrics.len(), Metric::ALL.len());
+            for (id, value) in &a.metrics {
+                let bound = if id.starts_with("ssim") { 1e-5 } else { 1e-3 };
+                let difference = (value.0 - b.metrics[id].0).abs();
+                assert!(difference <= bound, "frame {}: {id} differs by {difference}", a.index);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_report_says_what_a_reader_must_know() {
+    let static_ = execute(&spec(&["none", "ema"]), &sequence("fixtures/static"));
+    let repaired: Vec<_> = static_.reports[1]
+        .frames
+        .iter()
+        .map(|frame| frame.repaired_texels)
+        .collect();
+    assert!(
+        repaired.iter().any(|&n| n > 0),
+        "one frame has hostile texels: {repaired:?}"
+    );
+    assert!(repaired.iter().any(|&n| n == 0));
+    assert!(static_.is_finite(), "repair keeps bad values out of every image");
+
+    let pan = execute(&spec(&["none"]), &sequence("fixtures/pan"));
+    assert!(
+        pan.reports[0].notes[0].contains("jittered"),
+        "{:?}",
+        pan.reports[0].notes
+    );
+    let n_warmup = pan.reports[0].frames.iter().filter(|frame| frame.warmup).count();
+    let resets: Vec<_> = pan.reports[0]
+        .frames
+        .iter()
+        .filter(|frame| frame.reset)
+        .map(|frame| frame.index)
+        .collect();
+    assert!(resets.len() > 1, "a reset in the middle warms up again: {resets:?}");
+    assert_eq!(n_warmup, resets.len() * sequence("fixtures/pan").warmup_frames());
+
+    let engine = execute(&spec(&["karis2014"]), &sequence("fixtures/engine"));
+    assert!(engine.reports[0].frames.iter().all(|frame| frame.metrics.is_empty()));
+    assert!(
+        engine.reports[0].notes[0].contains("no reference"),
+        "{:?}",
+        engine.reports[0].notes
+    );
+}
+
+#[test]
+fn the_same_run_twice_gives_the_same_numbers() {
+    let sequence = sequence("fixtures/pan");
+    let metrics = |report: &Report| -> Vec<_> {
+        let frames = report.reports.iter().flat_map(|preset| &preset.frames);
+        frames.map(|frame| frame.metrics.clone()).collect()
+    };
+    let presets: Vec<_> = PRESETS.iter().map(|preset| preset.id).collect();
+    let mut repeated = spec(&presets);
+    let once = execute(&repeated, &sequence);
+    repeated.repeat = 4;
+    let again = execute(&repeated, &sequence);
+    assert_eq!(metrics(&once), metrics(&again), "repeats change nothing but times");
+    assert_eq!(once.sequence.hash, again.sequence.hash);
+}
+
+#[test]
+fn a_cancelled_run_ends_between_frames() {
+    let observer = Count::new(2);
+    let result = run::execute(&spec(&["ema"]), &sequence("fixtures/pan"), gpu(), &observer);
+    assert!(matches!(result, Err(RunError::Cancelled)), "{result:?}");
+    let n_images = observer.n_images.load(Ordering::Relaxed);
+    assert!((2..12).contains(&n_images), "{n_images}");
+}
+
+/// What the same five presets score on real renders, measured with an independent float64 implementation: mean PSNR in dB
+/// and mean SSIM after warm-up.
+const PUBLISHED: [(&str, [(&str, f64, f64); 5]); 2] = [
+    (
+        "ship",
+        [
+            ("none", 25.038, 0.8473),
+            ("ema", 27.846, 0.8838),
+            ("inside", 31.933, 0.9354),
+            ("karis2014", 32.265, 0.9401),
+            ("salvi2016", 33.241, 0.9489),
+        ],
+    ),
+    (
+        "stress",
+        [
+            ("none", 16.300, 0.5468),
+            ("ema", 20.994, 0.6622),
+            ("inside", 23.273, 0.7268),
+            ("karis2014", 22.788, 0.7307),
+            ("salvi2016", 22.709, 0.7440),
+        ],
+    ),
+];
+
+#[test]
+fn real_sequences_score_as_an_independent_implementation_found() {
+    for (name, expected) in PUBLISHED {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../shared/sequences")
+            .join(name);
+        if !folder.is_dir() {
+            println!("skipped: {} is not here", folder.display());
+            continue;
+        }
+        let sequence = Sequence::open(&folder, &FileReader::new(Backend::Auto, Limits::default())).unwrap();
+        let presets = expected.map(|(preset, ..)| preset);
+        let mut wanted = spec(&presets);
+        wanted.metrics = vec![Metric::Psnr, Metric::Ssim];
+        let report = execute(&wanted, &sequence);
+        for ((preset, psnr, ssim), found) in expected.into_iter().zip(&report.reports) {
+            let mean = |id: &str| found.summary[id].mean.0;
+            assert!(
+                (mean("psnr") - psnr).abs() < 1e-3,
+                "{name} {preset}: {} dB",
+                mean("psnr")
+            );
+            assert!(
+                (mean("ssim") - ssim).abs() < 1e-4,
+                "{name} {preset}: SSIM {}",
+                mean("ssim")
+            );
+        }
+    }
+}
