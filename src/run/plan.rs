@@ -5,7 +5,10 @@ use crate::{
     gpu::Timer,
     metrics::Metric,
     sequence::{Channels, Sequence},
-    taa::{Preset, Recipe, Source, recipe::Domain},
+    taa::{
+        Preset, Recipe, Source,
+        recipe::{Dilation, Domain},
+    },
 };
 use std::collections::BTreeSet;
 
@@ -49,6 +52,7 @@ impl Plan {
         }
         check_sizes(sequence)?;
         let available = sequence.available();
+        let n_frames = spec.n_frames.unwrap_or(usize::MAX).min(sequence.n_frames());
         let systems = spec
             .presets
             .iter()
@@ -70,7 +74,7 @@ impl Plan {
                 }
                 Ok(System {
                     preset: wanted.preset.clone(),
-                    notes: notes(&recipe, sequence),
+                    notes: notes(&recipe, sequence, n_frames),
                     recipe,
                 })
             })
@@ -94,7 +98,7 @@ impl Plan {
             systems,
             metrics,
             prepared,
-            n_frames: spec.n_frames.unwrap_or(usize::MAX).min(sequence.n_frames()),
+            n_frames,
             repeat: spec.repeat,
         };
         // Leaves room for the passes of GPU metrics.
@@ -149,11 +153,18 @@ fn missing(required: Channels, available: Channels) -> Vec<&'static str> {
     .collect()
 }
 
-fn notes(recipe: &Recipe, sequence: &Sequence) -> Vec<String> {
+/// What a reader must know to trust a system's numbers.
+fn notes(recipe: &Recipe, sequence: &Sequence, n_frames: usize) -> Vec<String> {
     let mut notes = Vec::new();
     if recipe.source == Source::UnjitteredIfPresent && !sequence.available().unjittered_color && sequence.is_jittered()
     {
         notes.push("the input is jittered: the sequence has no un-jittered colour".to_owned());
+    }
+    if sequence.manifest().motion.as_ref().is_some_and(|motion| motion.dilated) && recipe.dilation != Dilation::None {
+        notes.push("the sequence's motion vectors are dilated already; the recipe dilates them again".to_owned());
+    }
+    if n_frames <= sequence.warmup_frames() {
+        notes.push("nothing is summarised: every frame is warm-up".to_owned());
     }
     if !sequence.available().reference {
         notes.push("no metrics: the sequence has no reference".to_owned());

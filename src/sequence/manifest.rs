@@ -149,7 +149,7 @@ pub struct Camera {
 impl FrameEntry {
     /// The near plane that holds for this frame's `depth`.
     pub fn near(&self, depth: &DepthSource) -> Option<f64> {
-        depth.near.or(self.camera.as_ref()?.near)
+        depth.near.or_else(|| self.camera.as_ref()?.near)
     }
 
     /// The far plane that holds for this frame's `depth`.

@@ -155,8 +155,9 @@ fn what_one_convention_needs_must_be_there() {
     derived["depth"].take();
     assert!(error(derived).starts_with("motion.invalid_value: motion can only be derived"));
     let mut device = full();
-    device["depth"].as_object_mut().unwrap().remove("near");
     device["frames"][0]["camera"].take();
+    Manifest::from_value(device.clone()).expect("depth.near needs no camera");
+    device["depth"].as_object_mut().unwrap().remove("near");
     assert!(error(device).starts_with("frames[0].camera.near: missing, and device depth needs it"));
     let reversed = with(
         with(full(), "/depth/kind", json!("linear_view_z")),
