@@ -1,11 +1,12 @@
-//! The run's threads: decoders, each a frame ahead; the GPU's, which uploads and submits; and the scorer, which waits for
-//! a submission and reads it back while the next one runs. Bounded channels between them keep few frames in memory.
+//! The run's threads: decoders, each a frame ahead; the GPU's, which uploads and submits; the scorer, which waits for a
+//! submission and reads it back while the next one runs; and the writer, which hands images to the observer. Bounded
+//! channels between them keep few frames in memory.
 
 use super::{
     MetricsOn, Observer, RunError, RunSpec,
     plan::Plan,
     report::Report,
-    scoring::{Scorer, Submitted},
+    scoring::{Scorer, Shown, Submitted},
     times::{milliseconds_since, thread_cpu_ms, timed},
 };
 use crate::{
@@ -16,7 +17,7 @@ use crate::{
 };
 use std::{
     sync::mpsc::{Receiver, SyncSender, sync_channel},
-    thread,
+    thread::{self, ScopedJoinHandle},
     time::Instant,
 };
 
@@ -42,23 +43,41 @@ pub fn run(
             })
             .collect();
         let (send, submitted) = sync_channel(1);
-        let scorer = scope.spawn(move || Scorer::new(plan, sequence, gpu, observer).score_all(&submitted));
+        let (keep, kept) = sync_channel(plan.systems.len());
+        let keep = observer.wants_output().then_some(keep);
+        let writer = scope.spawn(move || write(&kept, observer));
+        let scorer = scope.spawn(move || Scorer::new(plan, sequence, gpu, observer, keep).score_all(&submitted));
         let resolved = Stage::new(plan, spec, sequence, gpu, observer.wants_output())
             .and_then(|mut stage| stage.resolve_all(&frames, observer, &send));
-        // The scorer ends when the channel closes; decoders end when theirs do.
+        // Each thread ends when the channel before it closes, or the one after it.
         drop(send);
         drop(frames);
-        let scored = scorer
-            .join()
-            .map_err(|_| RunError::Internal("the scoring thread panicked".to_owned()))?;
-        let hash = hash
-            .join()
-            .map_err(|_| RunError::Internal("the hashing thread panicked".to_owned()))?;
-        // Where both fail, the scorer's error is the cause: the GPU's thread then only saw the channel close.
+        let scored = joined(scorer, "scoring")?;
+        let output_ms = joined(writer, "writing")?;
+        let hash = joined(hash, "hashing")?;
+        // Where several fail, the last in line is the cause: those before it only saw its channel close.
+        let output_ms = output_ms?;
         let scored = scored?;
         resolved?;
-        Ok(scored.into_report(hash?, n_decoders, milliseconds_since(start)))
+        Ok(scored.into_report(hash?, n_decoders, output_ms, milliseconds_since(start)))
     })
+}
+
+fn joined<T>(thread: ScopedJoinHandle<'_, T>, work: &str) -> Result<T, RunError> {
+    thread
+        .join()
+        .map_err(|_| RunError::Internal(format!("the {work} thread panicked")))
+}
+
+/// Hands shown images to the observer until the channel closes; the milliseconds that took.
+fn write(kept: &Receiver<Shown>, observer: &dyn Observer) -> Result<f64, RunError> {
+    let mut total_ms = 0.0;
+    for shown in kept {
+        let (written, ms) = timed(|| observer.output(shown.preset_index, shown.frame_index, &shown.image));
+        written.map_err(|error| RunError::Internal(format!("writing frame {}: {error}", shown.frame_index)))?;
+        total_ms += ms;
+    }
+    Ok(total_ms)
 }
 
 /// Each decoder also decompresses in parallel, so a few are enough to hide the gaps.

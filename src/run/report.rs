@@ -18,7 +18,8 @@ pub struct Report {
     pub revision: String,
     /// Version of each metric used, by id.
     pub metric_versions: BTreeMap<String, u32>,
-    /// Wall time of each stage over the whole run, while all overlapped: `decode`, `gpu`, `metrics`, `total`.
+    /// Wall time of each stage over the whole run, while all overlapped: `decode` (of one of its threads), `upload`, `gpu`,
+    /// `readback`, `metrics`, `output` (the observer's images); and of the run, `total`.
     pub stages_ms: BTreeMap<String, f64>,
     /// One entry a preset, in the order asked for.
     pub reports: Vec<PresetReport>,

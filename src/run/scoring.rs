@@ -13,7 +13,10 @@ use crate::{
     metrics::{FrameScores, Metric, Reference, Summary, Value, gpu::Recorded},
     sequence::{Frame, Sequence, frame::Rgb},
 };
-use std::{collections::BTreeMap, sync::mpsc::Receiver};
+use std::{
+    collections::BTreeMap,
+    sync::mpsc::{Receiver, SyncSender},
+};
 
 /// A frame that the GPU is working on.
 pub struct Submitted {
@@ -32,6 +35,13 @@ pub struct Submitted {
     pub host_cpu_ms: f64,
 }
 
+/// A shown image on its way to the observer.
+pub struct Shown {
+    pub preset_index: usize,
+    pub frame_index: usize,
+    pub image: Image<Rgb>,
+}
+
 /// One preset's frames so far, and every time measured on its passes after warm-up.
 #[derive(Default)]
 struct Gathered {
@@ -44,6 +54,8 @@ pub struct Scorer<'a> {
     sequence: &'a Sequence,
     gpu: &'a Gpu,
     observer: &'a dyn Observer,
+    /// Where images go, if anyone wants them.
+    keep: Option<SyncSender<Shown>>,
     gathered: Vec<Gathered>,
     stages_ms: BTreeMap<&'static str, f64>,
     /// Frames since the last reset.
@@ -51,12 +63,19 @@ pub struct Scorer<'a> {
 }
 
 impl<'a> Scorer<'a> {
-    pub fn new(plan: &'a Plan, sequence: &'a Sequence, gpu: &'a Gpu, observer: &'a dyn Observer) -> Self {
+    pub fn new(
+        plan: &'a Plan,
+        sequence: &'a Sequence,
+        gpu: &'a Gpu,
+        observer: &'a dyn Observer,
+        keep: Option<SyncSender<Shown>>,
+    ) -> Self {
         Self {
             plan,
             sequence,
             gpu,
             observer,
+            keep,
             gathered: plan.systems.iter().map(|_| Gathered::default()).collect(),
             stages_ms: ["decode", "upload", "gpu", "readback", "metrics"]
                 .map(|stage| (stage, 0.0))
@@ -71,6 +90,8 @@ impl<'a> Scorer<'a> {
             self.gpu.wait(submitted.submission.clone())?;
             self.score(&submitted)?;
         }
+        // The writer ends with its channel.
+        self.keep = None;
         Ok(self)
     }
 
@@ -120,10 +141,14 @@ impl<'a> Scorer<'a> {
         let scores = scores?;
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
-        if let Some(image) = image.as_ref().filter(|_| self.observer.wants_output()) {
-            self.observer
-                .output(index, frame.index, image)
-                .map_err(|error| RunError::Internal(format!("writing frame {}: {error}", frame.index)))?;
+        if let (Some(keep), Some(image)) = (&self.keep, image) {
+            let shown = Shown {
+                preset_index: index,
+                frame_index: frame.index,
+                image,
+            };
+            keep.send(shown)
+                .map_err(|_| RunError::Internal("the writer stopped".to_owned()))?;
         }
         let warmup = self.age < self.sequence.warmup_frames();
         let mut times_ms = self.gather_times(index, pass_ms, warmup);
@@ -199,8 +224,9 @@ impl<'a> Scorer<'a> {
     }
 
     /// The report of everything scored.
-    pub fn into_report(mut self, hash: String, n_decoders: usize, total_ms: f64) -> Report {
+    pub fn into_report(mut self, hash: String, n_decoders: usize, output_ms: f64, total_ms: f64) -> Report {
         self.stages_ms.entry("decode").and_modify(|ms| *ms /= n_decoders as f64);
+        self.stages_ms.insert("output", output_ms);
         self.stages_ms.insert("total", total_ms);
         let (plan, sequence) = (self.plan, self.sequence);
         Report {
