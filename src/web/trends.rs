@@ -67,7 +67,14 @@ struct Line {
 }
 
 /// `GET /trends`
-pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<TrendQuery>) -> Result<Html<String>, PageError> {
+pub async fn page(
+    State(service): Shared,
+    ApiQuery(mut query): ApiQuery<TrendQuery>,
+) -> Result<Html<String>, PageError> {
+    // A name, as people write it into an address, means its latest content; the form speaks of hashes.
+    if let Some(sequence) = service.store.sequence(&query.sequence).await? {
+        query.sequence = sequence.hash;
+    }
     let given = |text: &str| (!text.is_empty()).then(|| text.to_owned());
     let all = service.store.series(&SeriesFilter::default()).await?;
     let filter = SeriesFilter {

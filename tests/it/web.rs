@@ -69,6 +69,7 @@ fn every_page_shows_its_data() {
 
     let trends = dom(&service, "/trends");
     has(&trends, &[&psnr, "same", "data-drawn=\"2\"", "<canvas", "u-legend"]);
+    has(&dom(&service, "/trends?sequence=pan"), &["data-drawn=\"2\""]);
     has(
         &dom(&service, "/trends?metric=ssim&branch=nowhere"),
         &["No report has this metric"],
