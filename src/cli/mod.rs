@@ -15,7 +15,7 @@ pub mod table;
 
 use anyhow::Context;
 use serde::Serialize;
-use std::{fs, path::PathBuf};
+use std::{fs, io::IsTerminal, path::PathBuf};
 
 /// Where JSON goes.
 #[derive(Clone, Debug)]
@@ -67,6 +67,7 @@ pub fn log_to_stderr() {
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .init();
 }
 

@@ -1,13 +1,11 @@
 //! Pixels in memory and on disk. Knows nothing of frames, recipes, the GPU or the service.
 //!
-//! An [`Image`] is a plain row-major array, origin top-left, x right, y down. `files` reads and writes image files;
-//! `color` holds the transfer functions and colour spaces, the CPU twins of `shaders/common/color.wgsl`.
+//! An [`Image`] is a plain row-major array, origin top-left, x right, y down. `files` reads and writes image files.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-pub mod color;
 pub mod files;
 
 /// Width and height in pixels. Written `[width, height]` in JSON.

@@ -5,10 +5,17 @@ use crate::api::{Client, TestService, packed};
 use serde_json::json;
 use std::process::Command;
 
+/// Debian's name for the browser, or Ubuntu's.
+fn browser() -> &'static str {
+    let runs = |name: &&&str| Command::new(name).arg("--version").output().is_ok();
+    let found = ["chromium", "chromium-browser"].iter().find(runs);
+    found.expect("this test needs a browser: install the package `chromium`")
+}
+
 /// The document after scripts ran.
 fn dom(service: &TestService, path: &str) -> String {
     let profile = tempfile::tempdir().unwrap();
-    let output = Command::new("chromium")
+    let output = Command::new(browser())
         .args([
             "--headless",
             "--no-sandbox",
@@ -25,7 +32,7 @@ fn dom(service: &TestService, path: &str) -> String {
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg(service.url(path))
         .output()
-        .expect("this test needs a browser: install the package `chromium`");
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
