@@ -88,7 +88,7 @@ pub struct Service {
 /// How handlers take [`Service`].
 pub type Shared = axum::extract::State<Arc<Service>>;
 
-/// A service that listens and works, until [`Running::stop`].
+/// A service that listens; [`Running::run`] serves until it is told to stop.
 pub struct Running {
     /// Where it listens; the port is the real one even if 0 was asked for.
     pub address: SocketAddr,
