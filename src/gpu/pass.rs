@@ -147,14 +147,18 @@ impl Pass {
         })
     }
 
-    /// Starts an invocation by binding the first name.
-    pub fn bind<'a>(&'a self, name: &'static str, resource: impl Into<Bound<'a>>) -> Invocation<'a> {
+    /// Starts an invocation, with nothing bound.
+    pub fn start(&self) -> Invocation<'_> {
         Invocation {
             pass: self,
             bound: Vec::new(),
             uniforms: Vec::new(),
         }
-        .bind(name, resource)
+    }
+
+    /// Starts an invocation by binding the first name.
+    pub fn bind<'a>(&'a self, name: &'static str, resource: impl Into<Bound<'a>>) -> Invocation<'a> {
+        self.start().bind(name, resource)
     }
 
     /// The label that errors and times carry.
@@ -189,6 +193,22 @@ impl<'a> Invocation<'a> {
     pub fn uniform(mut self, name: &'static str, fields: &[(&'static str, UniformValue)]) -> Self {
         self.uniforms.push((name, fields.to_vec()));
         self
+    }
+
+    /// Binds a texture or buffer where the pass uses that name: for what several passes share.
+    pub fn offer(self, name: &'static str, resource: impl Into<Bound<'a>>) -> Self {
+        match self.pass.bindings.contains_key(name) {
+            true => self.bind(name, resource),
+            false => self,
+        }
+    }
+
+    /// Fills a uniform where the pass uses that name.
+    pub fn offer_uniform(self, name: &'static str, fields: &[(&'static str, UniformValue)]) -> Self {
+        match self.pass.bindings.contains_key(name) {
+            true => self.uniform(name, fields),
+            false => self,
+        }
     }
 
     /// A dispatch that covers `extent`, ready to be recorded any number of times.

@@ -73,6 +73,11 @@ impl Texture {
         self.write(gpu, bytemuck::cast_slice(image.pixels()));
     }
 
+    /// Uploads integers as `r32uint`.
+    pub fn write_u32(&self, gpu: &Gpu, image: &Image<u32>) {
+        self.write(gpu, bytemuck::cast_slice(image.pixels()));
+    }
+
     fn write(&self, gpu: &Gpu, bytes: &[u8]) {
         gpu.queue.write_texture(
             self.texture.as_image_copy(),

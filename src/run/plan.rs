@@ -115,7 +115,8 @@ impl Plan {
 
     /// How many passes of a frame are timed, metrics aside.
     pub fn n_timed_passes(&self) -> u32 {
-        (self.prepared.len() + self.systems.len()) as u32 * self.repeat
+        let n_passes: usize = self.systems.iter().map(|system| system.recipe.passes().len()).sum();
+        (self.prepared.len() + n_passes) as u32 * self.repeat
     }
 }
 
@@ -147,6 +148,8 @@ fn missing(required: Channels, available: Channels) -> Vec<&'static str> {
     [
         ("depth", required.depth && !available.depth),
         ("motion", required.motion && !available.motion),
+        ("object ids", required.object_id && !available.object_id),
+        ("a reactive mask", required.reactive && !available.reactive),
     ]
     .into_iter()
     .filter_map(|(name, is_missing)| is_missing.then_some(name))

@@ -95,7 +95,7 @@ pub struct FrameReport {
     pub non_finite_pixels: u64,
     /// By metric id.
     pub metrics: BTreeMap<String, Value>,
-    /// By pass (`prepare`, `resolve`: GPU timestamps, median of the repeats) and host stage (`host_cpu`, `decode`,
+    /// By pass (`prepare`, `resolve` and others: GPU timestamps, median of the repeats) and host stage (`host_cpu`, `decode`,
     /// `upload`, `readback`, `metrics`: wall time of that stage, `host_cpu`: CPU time of the submitting thread).
     pub times_ms: BTreeMap<String, f64>,
 }

@@ -177,8 +177,8 @@ impl<'a> Scorer<'a> {
         })
     }
 
-    /// Pass times come in the order recorded: each prepared colour, then each preset, `repeat` times each. Returns the
-    /// medians of this preset's passes.
+    /// Pass times come in the order recorded: each prepared colour, then each preset's passes, `repeat` times each. Returns
+    /// the medians of this preset's passes.
     fn gather_times(&mut self, index: usize, pass_ms: &[f64], warmup: bool) -> BTreeMap<String, f64> {
         let recipe = &self.plan.systems[index].recipe;
         let prepared = self
@@ -186,10 +186,14 @@ impl<'a> Scorer<'a> {
             .prepared
             .iter()
             .position(|&key| key == (recipe.source, recipe.domain));
-        let passes = [
-            ("prepare", prepared.expect("planned for this recipe")),
-            ("resolve", self.plan.prepared.len() + index),
-        ];
+        let before: usize = self.plan.systems[..index]
+            .iter()
+            .map(|system| system.recipe.passes().len())
+            .sum();
+        let first = self.plan.prepared.len() + before;
+        let passes = [("prepare", prepared.expect("planned for this recipe"))]
+            .into_iter()
+            .chain(recipe.passes().into_iter().zip(first..));
         let mut medians = BTreeMap::new();
         for (pass, position) in passes {
             // None where the adapter has no timestamps.

@@ -1,9 +1,13 @@
 //! A frame on the device. Uploaded once, whatever the number of recipes; colour is repaired and mapped into each
 //! working domain once, too.
 
-use super::{Source, recipe::Domain};
+use super::{
+    Carried, Recipe, Source,
+    recipe::{Domain, InputFilter},
+    recorder::Recorder,
+};
 use crate::{
-    gpu::{Gpu, GpuError, Pass, Texture, Timer},
+    gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer},
     image::Extent,
     sequence::{Channels, Frame},
 };
@@ -19,8 +23,10 @@ pub struct Inputs {
     color: Texture,
     unjittered_color: Option<Texture>,
     /// One texel where no recipe reads it, so that every pipeline has something to bind.
-    pub(super) depth: Texture,
+    depth: Carried,
+    object_id: Carried,
     pub(super) motion: Texture,
+    pub(super) reactive: Texture,
     prepare: BTreeMap<Domain, Pass>,
     prepared: BTreeMap<(Source, Domain), Prepared>,
 }
@@ -56,6 +62,10 @@ impl Inputs {
                 let extent = if read { extent } else { Extent::new(1, 1) };
                 Texture::new(gpu, label, extent, format)
             };
+            let carried = |read, label, format| {
+                let extent = if read { extent } else { Extent::new(1, 1) };
+                Carried::new(gpu, label, extent, format)
+            };
             let prepared = wanted
                 .iter()
                 .map(|&key| {
@@ -73,8 +83,10 @@ impl Inputs {
                 unjittered_color: channels
                     .unjittered_color
                     .then(|| texture("unjittered color", TextureFormat::Rgba32Float)),
-                depth: if_read(channels.depth, "depth", TextureFormat::R32Float),
+                depth: carried(channels.depth, "depth", TextureFormat::R32Float),
+                object_id: carried(channels.object_id, "object id", TextureFormat::R32Uint),
                 motion: if_read(channels.motion, "motion", TextureFormat::Rg32Float),
+                reactive: if_read(channels.reactive, "reactive mask", TextureFormat::R32Float),
                 prepare,
                 prepared,
             }
@@ -85,16 +97,25 @@ impl Inputs {
     pub fn upload(&mut self, gpu: &Gpu, frame: &Frame) -> Result<(), GpuError> {
         self.has_history = frame.index > 0 && !frame.reset;
         self.jitter_px = frame.jitter_px;
+        let is_read = |texture: &Texture| texture.extent() == self.extent;
         gpu.scope("uploading a frame", || {
             self.color.write_rgb(gpu, &frame.color);
             if let (Some(texture), Some(image)) = (&self.unjittered_color, &frame.unjittered_color) {
                 texture.write_rgb(gpu, image);
             }
-            if let Some(depth) = frame.depth.as_ref().filter(|_| self.depth.extent() == self.extent) {
-                self.depth.write_scalar(gpu, depth);
+            self.depth.advance();
+            if let Some(depth) = frame.depth.as_ref().filter(|_| is_read(self.depth.current())) {
+                self.depth.current().write_scalar(gpu, depth);
             }
-            if let Some(motion) = frame.motion_px.as_ref().filter(|_| self.motion.extent() == self.extent) {
+            self.object_id.advance();
+            if let Some(ids) = frame.object_id.as_ref().filter(|_| is_read(self.object_id.current())) {
+                self.object_id.current().write_u32(gpu, ids);
+            }
+            if let Some(motion) = frame.motion_px.as_ref().filter(|_| is_read(&self.motion)) {
                 self.motion.write_vec2(gpu, motion);
+            }
+            if let Some(reactive) = frame.reactive.as_ref().filter(|_| is_read(&self.reactive)) {
+                self.reactive.write_scalar(gpu, reactive);
             }
         })
     }
@@ -107,16 +128,19 @@ impl Inputs {
         timer: &mut Timer,
         repeat: u32,
     ) -> Result<(), GpuError> {
+        let mut recorder = Recorder {
+            gpu,
+            encoder,
+            timer,
+            repeat,
+        };
         for (&(source, domain), prepared) in &self.prepared {
             let dispatch = self.prepare[&domain]
                 .bind("input_color", self.color_of(source))
                 .bind("color", &prepared.color)
                 .bind("repaired_texels", &prepared.repaired_texels)
                 .over(gpu, self.extent)?;
-            for _ in 0..repeat {
-                encoder.clear_buffer(&prepared.repaired_texels, 0, None);
-                dispatch.record(encoder, timer.time());
-            }
+            recorder.record_from_zero(&dispatch, &prepared.repaired_texels);
         }
         Ok(())
     }
@@ -126,7 +150,7 @@ impl Inputs {
         &self.prepared[&(source, domain)].repaired_texels
     }
 
-    pub(super) fn prepared(&self, source: Source, domain: Domain) -> &Texture {
+    fn prepared(&self, source: Source, domain: Domain) -> &Texture {
         &self.prepared[&(source, domain)].color
     }
 
@@ -134,12 +158,26 @@ impl Inputs {
         self.extent
     }
 
-    pub(super) fn has_history(&self) -> bool {
-        self.has_history
-    }
-
-    pub(super) fn jitter_px(&self) -> [f64; 2] {
-        self.jitter_px
+    /// Starts an invocation of a recipe's pass by binding what every such pass may read
+    /// (`shaders/taa/temporal/recipe.wgsl`).
+    pub(super) fn bind_to<'a>(&'a self, pass: &'a Pass, recipe: &Recipe) -> Invocation<'a> {
+        let [x, y] = self.jitter_px;
+        pass.start()
+            .offer("color", self.prepared(recipe.source, recipe.domain))
+            .offer("depth", self.depth.current())
+            .offer("previous_depth", self.depth.previous())
+            .offer("object_id", self.object_id.current())
+            .offer("previous_object_id", self.object_id.previous())
+            .offer("motion", &self.motion)
+            .offer_uniform(
+                "frame",
+                &[
+                    ("input_weights_x", InputFilter::axis_weights(x).map(|w| w as f32).into()),
+                    ("input_weights_y", InputFilter::axis_weights(y).map(|w| w as f32).into()),
+                    ("jitter_px", [x as f32, y as f32].into()),
+                    ("has_history", u32::from(self.has_history).into()),
+                ],
+            )
     }
 
     fn color_of(&self, source: Source) -> &Texture {
@@ -161,5 +199,18 @@ impl Prepared {
                 mapped_at_creation: false,
             }),
         }
+    }
+}
+
+impl InputFilter {
+    /// Weights of the samples at -1, 0 and 1 along one axis, where all are shifted by `jitter_px`. The kernel
+    /// `exp(-2.29 d²)` is the product of its axes, and so is its normalisation.
+    fn axis_weights(jitter_px: f64) -> [f64; 3] {
+        let weights = [-1.0, 0.0, 1.0].map(|offset: f64| {
+            let d = offset + jitter_px;
+            libm::exp(-2.29 * d * d)
+        });
+        let sum: f64 = weights.iter().sum();
+        weights.map(|weight| weight / sum)
     }
 }

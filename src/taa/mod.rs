@@ -4,11 +4,14 @@
 //! frame on the device, shared by all recipes of a run; a [`Resolver`] holds one recipe's passes and history.
 //! Knows images, frames and the GPU; nothing of metrics, reports or the service.
 
+mod carried;
 mod inputs;
 mod preset;
 pub mod recipe;
+mod recorder;
 pub mod reference;
 mod resolver;
+mod temporal;
 
 pub use inputs::Inputs;
 pub use preset::{PRESETS, Preset, UnknownPreset};
@@ -16,6 +19,8 @@ pub use recipe::{Recipe, RecipeError};
 pub use resolver::Resolver;
 
 use crate::sequence::Channels;
+use carried::Carried;
+use recipe::{Dilation, HistoryFilter};
 use serde::{Deserialize, Serialize};
 
 /// How history is stored between frames.
@@ -42,11 +47,23 @@ pub enum Source {
 impl Recipe {
     /// The images a frame must have for this recipe.
     pub fn required_channels(&self) -> Channels {
-        let reprojects = self.history_filter != recipe::HistoryFilter::None;
+        let uses_history = self.history_filter != HistoryFilter::None;
+        let uses_motion = uses_history && self.reproject || self.motion_blur;
         Channels {
-            motion: reprojects || self.motion_blur,
-            depth: (reprojects || self.motion_blur) && self.dilation == recipe::Dilation::Closest,
+            motion: uses_motion,
+            depth: uses_motion && (self.dilation == Dilation::Closest || self.reject_depth),
+            object_id: uses_history && self.reject_id,
+            reactive: uses_history && self.reactive,
             ..Channels::default()
+        }
+    }
+
+    /// How its history is stored where the job asks for `precision`.
+    fn precision(&self, precision: Precision) -> Precision {
+        if self.history_always_f32 {
+            Precision::F32
+        } else {
+            precision
         }
     }
 

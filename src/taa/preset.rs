@@ -34,18 +34,26 @@ const BASE: Recipe = Recipe {
     dilation: Dilation::None,
     input_filter: InputFilter::Texel,
     history_filter: HistoryFilter::Bilinear,
+    reproject: true,
+    history_always_f32: false,
     deringing: false,
     space: Space::Rgb,
     neighbourhood: Neighbourhood::None,
+    chroma_from_luma: false,
     unjitter_neighbourhood: false,
     variance_window: 3,
     variance_gamma: 1.0,
     intersect_minmax: true,
     rectify: Rectify::None,
+    reject_depth: false,
+    reject_depth_tolerance: 0.1,
+    reject_id: false,
     weight: Weight::Fixed,
     current_weight: 0.1,
     luma_feedback_lo: 0.88,
     luma_feedback_hi: 0.97,
+    count_weight_min: 0.0,
+    reactive: false,
     motion_weight: false,
     motion_weight_from_px: 2.0,
     motion_weight_to_px: 20.0,
@@ -53,8 +61,20 @@ const BASE: Recipe = Recipe {
     motion_blur: false,
 };
 
+/// What several systems vary.
+const INSIDE: Recipe = Recipe {
+    domain: Domain::Tonemapped,
+    dilation: Dilation::Closest,
+    input_filter: InputFilter::Unjitter,
+    neighbourhood: Neighbourhood::Rounded,
+    rectify: Rectify::ClipCentre,
+    weight: Weight::LumaFeedback,
+    motion_blur: true,
+    ..BASE
+};
+
 /// Every published system, in the order of their publication.
-pub const PRESETS: [Preset; 5] = [
+pub const PRESETS: [Preset; 10] = [
     Preset {
         id: "none",
         description: "The engine's colour as it is: what anti-aliasing has to improve on",
@@ -66,24 +86,68 @@ pub const PRESETS: [Preset; 5] = [
         },
     },
     Preset {
+        id: "unjitter_only",
+        description: "Each frame alone, resampled onto the jitter-free grid",
+        publication: "",
+        recipe: Recipe {
+            input_filter: InputFilter::Unjitter,
+            history_filter: HistoryFilter::None,
+            ..BASE
+        },
+    },
+    Preset {
+        id: "accumulate",
+        description: "The mean of all frames, pixel by pixel: for scenes that stand still",
+        publication: "Haeberli and Akeley, The Accumulation Buffer, 1990",
+        recipe: Recipe {
+            history_filter: HistoryFilter::Texel,
+            reproject: false,
+            history_always_f32: true,
+            weight: Weight::Count,
+            ..BASE
+        },
+    },
+    Preset {
         id: "ema",
         description: "Exponential moving average along the motion, without rectification",
         publication: "Yang et al., Amortized Supersampling, 2009",
         recipe: BASE,
     },
     Preset {
+        id: "amortized",
+        description: "Running mean along the motion, shortened where history differs or resampling would blur it",
+        publication: "Yang et al., Amortized Supersampling, 2009",
+        recipe: Recipe {
+            weight: Weight::Amortized,
+            ..BASE
+        },
+    },
+    Preset {
+        id: "smaa1tx",
+        description: "Cross-shaped box, clamp, less history in motion",
+        publication: "Sousa, CryENGINE 3 Graphics Gems, SIGGRAPH 2013",
+        recipe: Recipe {
+            domain: Domain::Tonemapped,
+            neighbourhood: Neighbourhood::Cross,
+            rectify: Rectify::Clamp,
+            motion_weight: true,
+            ..BASE
+        },
+    },
+    Preset {
         id: "inside",
         description: "Closest-depth dilation, rounded box, clip to its centre, luma feedback, motion-blur fallback",
         publication: "Pedersen, Temporal Reprojection Anti-Aliasing in INSIDE, GDC 2016",
+        recipe: INSIDE,
+    },
+    Preset {
+        id: "inside_ycocg",
+        description: "The same in YCoCg, with a chroma box as narrow as luma's range allows",
+        publication: "Pedersen, Temporal Reprojection Anti-Aliasing in INSIDE, GDC 2016, bonus slides",
         recipe: Recipe {
-            domain: Domain::Tonemapped,
-            dilation: Dilation::Closest,
-            input_filter: InputFilter::Unjitter,
-            neighbourhood: Neighbourhood::Rounded,
-            rectify: Rectify::ClipCentre,
-            weight: Weight::LumaFeedback,
-            motion_blur: true,
-            ..BASE
+            space: Space::Ycocg,
+            chroma_from_luma: true,
+            ..INSIDE
         },
     },
     Preset {

@@ -1,122 +1,13 @@
 //! A recipe: the parameters of the temporal pipeline. Published systems are recipes ([`super::Preset`]); a job may
 //! override any parameter by its name here, which is also the name of the override in
-//! `shaders/taa/temporal/resolve.wgsl`.
+//! `shaders/taa/temporal/recipe.wgsl`.
+
+mod blocks;
+
+pub use blocks::{Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Space, Weight};
 
 use super::Source;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-
-/// Which texel's motion vector a pixel uses, over the 3×3 around it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Dilation {
-    /// Its own.
-    None,
-    /// That of the nearest surface.
-    Closest,
-    /// The longest.
-    Longest,
-}
-
-/// How the current colour is read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum InputFilter {
-    /// The texel as it is.
-    Texel,
-    /// Bilinear, at the place where the jitter put the pixel's centre.
-    Unjitter,
-    /// A Gaussian fit of the Blackman-Harris window over 3×3 samples, `exp(-2.29 d²)`.
-    BlackmanHarris,
-}
-
-/// How history is read at the reprojected position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum HistoryFilter {
-    /// No history: each frame stands alone.
-    None,
-    /// The texel that contains the position.
-    Texel,
-    /// 2×2 bilinear.
-    Bilinear,
-    /// 4×4 Catmull-Rom spline.
-    CatmullRom,
-    /// The spline without its corners, as five bilinear taps.
-    #[serde(rename = "catmull_rom_5")]
-    CatmullRom5,
-}
-
-/// The colour space of box and rectification.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Space {
-    /// Red, green, blue.
-    Rgb,
-    /// Luma and two chroma axes.
-    Ycocg,
-}
-
-/// The colour box of the current neighbourhood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Neighbourhood {
-    /// No box.
-    None,
-    /// Minimum and maximum of 5 texels.
-    Cross,
-    /// Minimum and maximum of 3×3.
-    Box3,
-    /// Average of the two before.
-    Rounded,
-    /// Mean ± `variance_gamma` standard deviations of `variance_window`² texels.
-    Variance,
-}
-
-/// What is done to history outside the box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Rectify {
-    /// Nothing.
-    None,
-    /// Each channel clamped.
-    Clamp,
-    /// Pulled towards the box's centre.
-    ClipCentre,
-    /// Pulled towards the current colour.
-    ClipCurrent,
-}
-
-/// How the weight of the current colour is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Weight {
-    /// `current_weight`.
-    Fixed,
-    /// By the luma difference of current colour and rectified history.
-    LumaFeedback,
-    /// Less where history is close to being clamped.
-    Antiflicker,
-}
-
-/// Whether bright colours count less in the blend.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum HdrWeight {
-    /// They do not.
-    None,
-    /// By `1 / (1 + luma)`.
-    Karis,
-}
-
-/// The domain in which colours are compared, blended and stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Domain {
-    /// Linear, as the engine wrote it.
-    Linear,
-    /// `c / (1 + max(r, g, b))`.
-    Tonemapped,
-}
 
 /// Every parameter of the temporal pipeline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -132,12 +23,18 @@ pub struct Recipe {
     pub input_filter: InputFilter,
     /// See [`HistoryFilter`].
     pub history_filter: HistoryFilter,
+    /// Look history up where the motion vector points; otherwise in the same pixel.
+    pub reproject: bool,
+    /// Store history as f32 whatever the job says, for averages longer than f16 can hold.
+    pub history_always_f32: bool,
     /// Clamp filtered history to the 4 texels around the position.
     pub deringing: bool,
     /// See [`Space`].
     pub space: Space,
     /// See [`Neighbourhood`].
     pub neighbourhood: Neighbourhood,
+    /// Make the chroma of a `ycocg` box an eighth of its luma range to either side of the current colour's.
+    pub chroma_from_luma: bool,
     /// Read the box's texels at the jitter-free grid, bilinearly.
     pub unjitter_neighbourhood: bool,
     /// Side of the variance box's window, texels: odd, 3 to 31.
@@ -148,6 +45,12 @@ pub struct Recipe {
     pub intersect_minmax: bool,
     /// See [`Rectify`].
     pub rectify: Rectify,
+    /// Treat history as absent where the previous depth does not fit.
+    pub reject_depth: bool,
+    /// The largest difference of depth that still fits, as a share of the depth expected; above 0, at most 1.
+    pub reject_depth_tolerance: f64,
+    /// Treat history as absent where it is of another object.
+    pub reject_id: bool,
     /// See [`Weight`].
     pub weight: Weight,
     /// Weight of the current colour where `weight` is `fixed`, above 0, at most 1.
@@ -156,6 +59,10 @@ pub struct Recipe {
     pub luma_feedback_lo: f64,
     /// Weight of history where its luma agrees, 0 to 1, for `luma_feedback`.
     pub luma_feedback_hi: f64,
+    /// The smallest weight of `count`, 0 to 1.
+    pub count_weight_min: f64,
+    /// Raise the weight to the sequence's reactive mask.
+    pub reactive: bool,
     /// Raise the weight with motion.
     pub motion_weight: bool,
     /// Motion at which the weight begins to rise, pixels.
@@ -206,66 +113,74 @@ impl Recipe {
     }
 
     fn validate(&self) -> Result<(), RecipeError> {
-        let unit = 0.0..=1.0;
-        let check = |ok: bool, field: &str, message: &str| {
-            if ok {
-                Ok(())
-            } else {
-                Err(RecipeError {
-                    field: field.to_owned(),
-                    message: message.to_owned(),
-                })
-            }
-        };
+        let unit = |value: f64| (0.0..=1.0).contains(&value);
         let window = self.variance_window;
-        check(
-            window % 2 == 1 && (3..=31).contains(&window),
-            "variance_window",
-            "must be odd, 3 to 31",
-        )?;
-        check(
-            self.variance_gamma > 0.0 && self.variance_gamma <= 100.0,
-            "variance_gamma",
-            "must be above 0, at most 100",
-        )?;
-        check(
-            self.current_weight > 0.0 && self.current_weight <= 1.0,
-            "current_weight",
-            "must be above 0, at most 1",
-        )?;
-        check(
-            unit.contains(&self.luma_feedback_lo),
-            "luma_feedback_lo",
-            "must be 0 to 1",
-        )?;
-        check(
-            unit.contains(&self.luma_feedback_hi),
-            "luma_feedback_hi",
-            "must be 0 to 1",
-        )?;
-        check(
-            self.motion_weight_from_px >= 0.0,
-            "motion_weight_from_px",
-            "must be at least 0",
-        )?;
-        check(
-            self.motion_weight_to_px > self.motion_weight_from_px && self.motion_weight_to_px <= 1e6,
-            "motion_weight_to_px",
-            "must be above motion_weight_from_px, at most 1e6",
-        )?;
-        check(
-            self.rectify == Rectify::None || self.neighbourhood != Neighbourhood::None,
-            "rectify",
-            "needs a neighbourhood other than `none`",
-        )?;
-        check(
-            self.weight != Weight::Antiflicker || self.neighbourhood != Neighbourhood::None,
-            "weight",
-            "`antiflicker` needs a neighbourhood other than `none`",
-        )
+        let has_box = self.neighbourhood != Neighbourhood::None;
+        let rules = [
+            (
+                window % 2 == 1 && (3..=31).contains(&window),
+                "variance_window",
+                "must be odd, 3 to 31",
+            ),
+            (
+                self.variance_gamma > 0.0 && self.variance_gamma <= 100.0,
+                "variance_gamma",
+                "must be above 0, at most 100",
+            ),
+            (
+                !self.chroma_from_luma || self.space == Space::Ycocg,
+                "chroma_from_luma",
+                "needs the space `ycocg`",
+            ),
+            (
+                self.reject_depth_tolerance > 0.0 && self.reject_depth_tolerance <= 1.0,
+                "reject_depth_tolerance",
+                "must be above 0, at most 1",
+            ),
+            (
+                self.current_weight > 0.0 && self.current_weight <= 1.0,
+                "current_weight",
+                "must be above 0, at most 1",
+            ),
+            (unit(self.luma_feedback_lo), "luma_feedback_lo", "must be 0 to 1"),
+            (unit(self.luma_feedback_hi), "luma_feedback_hi", "must be 0 to 1"),
+            (unit(self.count_weight_min), "count_weight_min", "must be 0 to 1"),
+            (
+                self.motion_weight_from_px >= 0.0,
+                "motion_weight_from_px",
+                "must be at least 0",
+            ),
+            (
+                self.motion_weight_to_px > self.motion_weight_from_px && self.motion_weight_to_px <= 1e6,
+                "motion_weight_to_px",
+                "must be above motion_weight_from_px, at most 1e6",
+            ),
+            (
+                self.reproject || !(self.motion_weight || self.motion_blur || self.reject_depth || self.reject_id),
+                "reproject",
+                "must be on for `motion_weight`, `motion_blur`, `reject_depth` and `reject_id`",
+            ),
+            (
+                self.rectify == Rectify::None || has_box,
+                "rectify",
+                "needs a neighbourhood other than `none`",
+            ),
+            (
+                self.weight != Weight::Antiflicker || has_box,
+                "weight",
+                "`antiflicker` needs a neighbourhood other than `none`",
+            ),
+        ];
+        match rules.into_iter().find(|(holds, ..)| !holds) {
+            None => Ok(()),
+            Some((_, field, message)) => Err(RecipeError {
+                field: field.to_owned(),
+                message: message.to_owned(),
+            }),
+        }
     }
 
-    /// The overrides of the resolve shader.
+    /// The overrides of `shaders/taa/temporal/recipe.wgsl`.
     pub(super) fn overrides(&self) -> Vec<(&'static str, f64)> {
         let number = f64::from;
         let flag = |set: bool| f64::from(u8::from(set));
@@ -275,17 +190,24 @@ impl Recipe {
             ("dilation", number(self.dilation as u32)),
             ("input_filter", number(self.input_filter as u32)),
             ("history_filter", number(self.history_filter as u32)),
+            ("reproject", flag(self.reproject)),
             ("deringing", flag(self.deringing)),
             ("neighbourhood", number(self.neighbourhood as u32)),
+            ("chroma_from_luma", flag(self.chroma_from_luma)),
             ("unjitter_neighbourhood", flag(self.unjitter_neighbourhood)),
             ("variance_window", number(self.variance_window)),
             ("variance_gamma", self.variance_gamma),
             ("intersect_minmax", flag(self.intersect_minmax)),
             ("rectify", number(self.rectify as u32)),
+            ("reject_depth", flag(self.reject_depth)),
+            ("reject_depth_tolerance", self.reject_depth_tolerance),
+            ("reject_id", flag(self.reject_id)),
             ("weight", number(self.weight as u32)),
             ("current_weight", self.current_weight),
             ("luma_feedback_lo", self.luma_feedback_lo),
             ("luma_feedback_hi", self.luma_feedback_hi),
+            ("count_weight_min", self.count_weight_min),
+            ("reactive", flag(self.reactive)),
             ("motion_weight", flag(self.motion_weight)),
             ("motion_weight_from_px", self.motion_weight_from_px),
             ("motion_weight_to_px", self.motion_weight_to_px),

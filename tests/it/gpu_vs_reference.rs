@@ -102,6 +102,11 @@ fn every_block_agrees() {
         r#"{"neighbourhood": "variance", "variance_window": 5, "variance_gamma": 1.25, "rectify": "clip_centre"}"#,
         r#"{"neighbourhood": "variance", "intersect_minmax": false, "rectify": "clip_current", "space": "ycocg"}"#,
         r#"{"neighbourhood": "box3", "rectify": "none", "weight": "antiflicker"}"#,
+        r#"{"neighbourhood": "cross", "rectify": "clamp", "space": "ycocg", "chroma_from_luma": true}"#,
+        r#"{"reject_depth": true, "reject_depth_tolerance": 0.01, "dilation": "closest"}"#,
+        r#"{"reject_id": true, "weight": "count", "count_weight_min": 0.05}"#,
+        r#"{"reactive": true, "motion_weight": true}"#,
+        r#"{"weight": "amortized", "dilation": "longest", "reject_id": true, "domain": "tonemapped"}"#,
         r#"{"motion_weight": true, "hdr_weight": "karis", "motion_blur": true, "weight": "luma_feedback"}"#,
     ];
     for block in blocks {

@@ -37,22 +37,18 @@ fn parse(source: &str) -> Result<naga::Module, String> {
     Ok(module)
 }
 
-/// A pass together with the files of its folder that are not passes themselves, and the shared ones.
+/// A pass together with the files it is compiled with.
 fn module_of(pass: &Path, files: &[PathBuf]) -> String {
-    let is_shared = |path: &PathBuf| {
-        let text = fs::read_to_string(path).unwrap();
-        let near = path.parent() == pass.parent() || path.parent().unwrap().ends_with("common");
-        // Two ways to store history cannot stand in one module.
-        near && !text.contains("@compute") && !path.ends_with("history_f32.wgsl")
-    };
-    let shared = files.iter().filter(|path| is_shared(path));
-    let needed: Vec<_> = if fs::read_to_string(pass).unwrap().contains("override neighbourhood") {
-        shared.collect()
-    } else {
-        shared
-            .filter(|path| path.parent().unwrap().ends_with("common"))
-            .collect()
-    };
+    // A recipe's passes share what lies in `temporal`; two ways to store history cannot stand in one module.
+    let of_recipe = pass.iter().any(|part| part == "taa") && !pass.ends_with("prepare.wgsl");
+    let needed: Vec<_> = files
+        .iter()
+        .filter(|path| {
+            let folder = path.parent().unwrap();
+            let near = folder.ends_with("common") || of_recipe && folder.ends_with("temporal");
+            near && !fs::read_to_string(path).unwrap().contains("@compute") && !path.ends_with("history_f32.wgsl")
+        })
+        .collect();
     std::iter::once(pass.to_path_buf())
         .chain(needed.into_iter().cloned())
         .map(|path| fs::read_to_string(path).unwrap())
@@ -122,7 +118,7 @@ fn variants_have_the_numbers_that_the_shaders_know() {
     check!("HISTORY", HistoryFilter: None, Texel, Bilinear, CatmullRom, CatmullRom5);
     check!("NEIGHBOURHOOD", Neighbourhood: None, Cross, Box3, Rounded, Variance);
     check!("RECTIFY", Rectify: None, Clamp, ClipCentre, ClipCurrent);
-    check!("WEIGHT", Weight: Fixed, LumaFeedback, Antiflicker);
+    check!("WEIGHT", Weight: Fixed, LumaFeedback, Antiflicker, Count, Amortized);
     check!("HDR_WEIGHT", HdrWeight: None, Karis);
 }
 

@@ -89,12 +89,28 @@ fn variance_box(p: vec2i) -> ColorBox {
     return ColorBox(select(lo, minmax.lo, empty), select(hi, minmax.hi, empty), mean);
 }
 
-fn color_box(p: vec2i) -> ColorBox {
+// The box around `p`, whose current colour is `current`, in RGB.
+fn color_box(p: vec2i, current: vec3f) -> ColorBox {
+    var bounds: ColorBox;
     switch (neighbourhood) {
-        case NEIGHBOURHOOD_CROSS: { return cross_box(p); }
-        case NEIGHBOURHOOD_BOX3: { return box3(p); }
-        case NEIGHBOURHOOD_ROUNDED: { return rounded_box(p); }
-        case NEIGHBOURHOOD_VARIANCE: { return variance_box(p); }
-        default: { return ColorBox(); }
+        case NEIGHBOURHOOD_CROSS: { bounds = cross_box(p); }
+        case NEIGHBOURHOOD_BOX3: { bounds = box3(p); }
+        case NEIGHBOURHOOD_ROUNDED: { bounds = rounded_box(p); }
+        case NEIGHBOURHOOD_VARIANCE: { bounds = variance_box(p); }
+        default: {}
     }
+    if (chroma_from_luma) {
+        bounds = narrow_chroma(bounds, to_space(current).yz);
+    }
+    return bounds;
+}
+
+// INSIDE, bonus slides: chroma may differ from the current colour's by an eighth of luma's range.
+fn narrow_chroma(bounds: ColorBox, chroma: vec2f) -> ColorBox {
+    let extent = 0.125 * (bounds.hi.x - bounds.lo.x);
+    return ColorBox(
+        vec3f(bounds.lo.x, chroma - extent),
+        vec3f(bounds.hi.x, chroma + extent),
+        vec3f(bounds.mean.x, chroma),
+    );
 }

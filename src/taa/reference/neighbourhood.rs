@@ -19,10 +19,11 @@ pub struct ColorBox<R> {
 
 const CROSS: [[i64; 2]; 5] = [[0, -1], [-1, 0], [0, 0], [1, 0], [0, 1]];
 
-/// The box around pixel `p`, or none where the recipe has none.
+/// The box around pixel `p`, whose current colour is `current` (RGB), or none where the recipe has none.
 pub fn color_box<R: Real>(
     image: &Image<Color<R>>,
     p: [i64; 2],
+    current: Color<R>,
     jitter_px: [R; 2],
     recipe: &Recipe,
 ) -> Option<ColorBox<R>> {
@@ -38,21 +39,26 @@ pub fn color_box<R: Real>(
     };
     let cross = || minmax(CROSS.into_iter().map(texel));
     let box3 = || minmax(window(3).map(texel));
-    match recipe.neighbourhood {
-        Neighbourhood::None => None,
-        Neighbourhood::Cross => Some(cross()),
-        Neighbourhood::Box3 => Some(box3()),
-        Neighbourhood::Rounded => Some(cross().average(box3())),
+    let bounds = match recipe.neighbourhood {
+        Neighbourhood::None => return None,
+        Neighbourhood::Cross => cross(),
+        Neighbourhood::Box3 => box3(),
+        Neighbourhood::Rounded => cross().average(box3()),
         Neighbourhood::Variance => {
             let texels = window(recipe.variance_window).map(texel);
             let bounds = variance(texel([0, 0]), texels, R::new(recipe.variance_gamma));
-            Some(if recipe.intersect_minmax {
+            if recipe.intersect_minmax {
                 bounds.intersect(box3())
             } else {
                 bounds
-            })
+            }
         }
-    }
+    };
+    Some(if recipe.chroma_from_luma {
+        bounds.narrow_chroma(current.to_space(recipe.space))
+    } else {
+        bounds
+    })
 }
 
 /// Offsets of n×n texels, row by row.
@@ -99,6 +105,17 @@ impl<R: Real> ColorBox<R> {
             lo: average(self.lo, other.lo),
             hi: average(self.hi, other.hi),
             mean: average(self.mean, other.mean),
+        }
+    }
+
+    /// Chroma within an eighth of luma's range of `current`'s. All in YCoCg.
+    fn narrow_chroma(self, current: Color<R>) -> Self {
+        let extent = (self.hi.0[0] - self.lo.0[0]) * R::new(0.125);
+        let [_, co, cg] = current.0;
+        Self {
+            lo: Color([self.lo.0[0], co - extent, cg - extent]),
+            hi: Color([self.hi.0[0], co + extent, cg + extent]),
+            mean: Color([self.mean.0[0], co, cg]),
         }
     }
 

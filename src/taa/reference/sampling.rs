@@ -14,6 +14,11 @@ fn split<R: Real>(position: Position<R>) -> ([i64; 2], [R; 2]) {
     (base.map(|s| s.to_f64() as i64), fraction)
 }
 
+/// The texel that contains a position.
+pub fn containing<R: Real>(position: Position<R>) -> [i64; 2] {
+    position.map(|s| s.floor().to_f64() as i64)
+}
+
 /// 2×2 bilinear.
 pub fn bilinear<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Color<R> {
     let ([x, y], [fx, fy]) = split(position);
@@ -77,7 +82,7 @@ fn catmull_rom_5<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Col
 pub fn history<R: Real>(image: &Image<Color<R>>, q: Position<R>, filter: HistoryFilter, deringing: bool) -> Color<R> {
     let filtered = match filter {
         HistoryFilter::None | HistoryFilter::Texel => {
-            let [x, y] = q.map(|s| s.floor().to_f64() as i64);
+            let [x, y] = containing(q);
             return image.clamped(x, y);
         }
         HistoryFilter::Bilinear => return bilinear(image, q),

@@ -72,6 +72,11 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         _ if x % 17 == 5 => [18.25, -3.5],
         _ => [0.37, 0.11 * noise(x, y, 4)],
     });
+    let object_id = Image::from_fn(extent, |x, y| 1 + u32::from(on_box(x, y)) + (x + index as u32) / 24 * 2);
+    let reactive = Image::from_fn(extent, |x, y| match (hostile(x, y), noise(x / 3, y / 3, 5)) {
+        (true, _) => f32::NAN,
+        (_, mask) => 4.0 * mask - 3.0,
+    });
     Frame {
         index,
         reset: index == 20,
@@ -80,9 +85,9 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         color,
         depth: Some(depth),
         motion_px: Some(motion),
-        object_id: None,
+        object_id: Some(object_id),
         albedo: None,
-        reactive: None,
+        reactive: Some(reactive),
         unjittered_color: None,
         reference: None,
     }
@@ -101,7 +106,7 @@ pub fn resolve_on_gpu(
     let wanted = BTreeSet::from([(recipe.source, recipe.domain)]);
     let mut inputs = Inputs::new(gpu, extent, recipe.required_channels(), &wanted).unwrap();
     let mut resolver = Resolver::new(gpu, recipe.clone(), precision, extent).unwrap();
-    let mut timer = Timer::new(gpu, 2);
+    let mut timer = Timer::new(gpu, 1 + recipe.passes().len() as u32);
     frames
         .map(|frame| {
             inputs.upload(gpu, &frame).unwrap();

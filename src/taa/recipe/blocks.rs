@@ -1,0 +1,128 @@
+//! The variants of every block of the temporal pipeline. Their JSON names are what a job writes; their order is the number
+//! that the shaders' constants have.
+
+use serde::{Deserialize, Serialize};
+
+/// Which texel's motion vector a pixel uses, over the 3×3 around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Dilation {
+    /// Its own.
+    None,
+    /// That of the nearest surface.
+    Closest,
+    /// The longest.
+    Longest,
+}
+
+/// How the current colour is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InputFilter {
+    /// The texel as it is.
+    Texel,
+    /// Bilinear, at the place where the jitter put the pixel's centre.
+    Unjitter,
+    /// A Gaussian fit of the Blackman-Harris window over 3×3 samples, `exp(-2.29 d²)`.
+    BlackmanHarris,
+}
+
+/// How history is read at the reprojected position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HistoryFilter {
+    /// No history: each frame stands alone.
+    None,
+    /// The texel that contains the position.
+    Texel,
+    /// 2×2 bilinear.
+    Bilinear,
+    /// 4×4 Catmull-Rom spline.
+    CatmullRom,
+    /// The spline without its corners, as five bilinear taps.
+    #[serde(rename = "catmull_rom_5")]
+    CatmullRom5,
+}
+
+/// The colour space of box and rectification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Space {
+    /// Red, green, blue.
+    Rgb,
+    /// Luma and two chroma axes.
+    Ycocg,
+}
+
+/// The colour box of the current neighbourhood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Neighbourhood {
+    /// No box.
+    None,
+    /// Minimum and maximum of 5 texels.
+    Cross,
+    /// Minimum and maximum of 3×3.
+    Box3,
+    /// Average of the two before.
+    Rounded,
+    /// Mean ± `variance_gamma` standard deviations of `variance_window`² texels.
+    Variance,
+}
+
+/// What is done to history outside the box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rectify {
+    /// Nothing.
+    None,
+    /// Each channel clamped.
+    Clamp,
+    /// Pulled towards the box's centre.
+    ClipCentre,
+    /// Pulled towards the current colour.
+    ClipCurrent,
+}
+
+/// How the weight of the current colour is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Weight {
+    /// `current_weight`.
+    Fixed,
+    /// By the luma difference of current colour and rectified history.
+    LumaFeedback,
+    /// Less where history is close to being clamped.
+    Antiflicker,
+    /// One over the number of samples that history holds, at least `count_weight_min`.
+    Count,
+    /// As `count`, raised where history and the current colour differ on average and where resampling would blur.
+    Amortized,
+}
+
+impl Weight {
+    /// Whether the number of samples is kept for each pixel.
+    pub fn counts(self) -> bool {
+        matches!(self, Self::Count | Self::Amortized)
+    }
+}
+
+/// Whether bright colours count less in the blend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HdrWeight {
+    /// They do not.
+    None,
+    /// By `1 / (1 + luma)`.
+    Karis,
+}
+
+/// The domain in which colours are compared, blended and stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Domain {
+    /// Linear, as the engine wrote it.
+    Linear,
+    /// `c / (1 + max(r, g, b))`.
+    Tonemapped,
+}

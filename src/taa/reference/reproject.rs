@@ -1,0 +1,120 @@
+//! Where a pixel's surface was, and whether history can be trusted there: the twin of
+//! `shaders/taa/temporal/reproject.wgsl`.
+
+use super::{
+    Pixels, Previous, RING,
+    real::Real,
+    sampling::{Position, containing},
+};
+use crate::{image::Image, sequence::frame::SKY_DEPTH, taa::recipe::Dilation};
+
+/// A usable motion vector.
+#[derive(Clone, Copy, Default)]
+pub struct Motion<R> {
+    /// The texel whose vector it is.
+    texel: [i64; 2],
+    pub px: [R; 2],
+    pub length_px: R,
+}
+
+/// Where history is.
+#[derive(Clone, Copy)]
+pub struct Reprojected<R> {
+    /// Position in the previous frame.
+    pub q: Position<R>,
+    pub motion: Motion<R>,
+}
+
+impl<R: Real> Pixels<'_, R> {
+    /// Where the surface at `p` was in the previous frame, unless history is absent there.
+    pub fn reproject(&self, p: [i64; 2]) -> Option<Reprojected<R>> {
+        let previous = self.previous?;
+        let centre = p.map(|i| R::new(i as f64 + 0.5));
+        if !self.recipe.reproject {
+            return Some(Reprojected {
+                q: centre,
+                motion: Motion::default(),
+            });
+        }
+        let motion = self.motion(p)?;
+        let q = [0, 1].map(|axis| centre[axis] + motion.px[axis]);
+        let extent = self.color.extent();
+        let inside = |s: R, size: u32| s >= R::new(0.0) && s <= R::new(f64::from(size));
+        (inside(q[0], extent.width)
+            && inside(q[1], extent.height)
+            && (!self.recipe.reject_depth || self.depth_fits(previous, motion.texel, q))
+            && (!self.recipe.reject_id || self.id_fits(previous, p, q)))
+        .then_some(Reprojected { q, motion })
+    }
+
+    /// Whether one of the four previous depths around `q` is that of the surface at `texel`.
+    fn depth_fits(&self, previous: &Previous<R>, texel: [i64; 2], q: Position<R>) -> bool {
+        let expected = self.depth(texel[0], texel[1]);
+        let depth = previous.depth.as_ref().expect("validated: the recipe needs depth");
+        let [x, y] = q.map(|s| (s - R::new(0.5)).floor().to_f64() as i64);
+        let errors =
+            [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (expected - depth_or_sky(depth.clamped(x + i, y + j))).abs());
+        errors.into_iter().fold(f64::INFINITY, f64::min) <= self.recipe.reject_depth_tolerance * expected
+    }
+
+    /// Whether the texel that contains `q` was of the same object.
+    fn id_fits(&self, previous: &Previous<R>, [x, y]: [i64; 2], q: Position<R>) -> bool {
+        let ids = |frame: &Option<Image<u32>>, [x, y]: [i64; 2]| {
+            frame.as_ref().expect("validated: the recipe needs ids").clamped(x, y)
+        };
+        ids(&self.frame.object_id, [x, y]) == ids(&previous.object_id, containing(q))
+    }
+
+    /// The dilated motion of `p`; none where the vector chosen is unusable.
+    pub fn motion(&self, [x, y]: [i64; 2]) -> Option<Motion<R>> {
+        let chosen = match self.recipe.dilation {
+            Dilation::None => [0, 0],
+            Dilation::Closest => first_largest(|[i, j]| -self.depth(x + i, y + j)),
+            Dilation::Longest => first_largest(|[i, j]| {
+                self.motion_at(x + i, y + j)
+                    .map_or(0.0, |motion| motion.length_px.to_f64())
+            }),
+        };
+        self.motion_at(x + chosen[0], y + chosen[1])
+    }
+
+    /// Linear view depth; what is not finite and positive is sky.
+    pub fn depth(&self, x: i64, y: i64) -> f64 {
+        let depth = self.frame.depth.as_ref().expect("validated: the recipe needs depth");
+        depth_or_sky(depth.clamped(x, y))
+    }
+
+    /// The texel's own motion; none where it is not finite or longer than four images.
+    fn motion_at(&self, x: i64, y: i64) -> Option<Motion<R>> {
+        let motion = self
+            .frame
+            .motion_px
+            .as_ref()
+            .expect("validated: the recipe needs motion");
+        let px = motion.clamped(x, y).map(f64::from);
+        let extent = self.color.extent();
+        // In f64 no f32 overflows when squared; the comparison is false for NaN, too.
+        let length = (px[0] * px[0] + px[1] * px[1]).sqrt();
+        (length <= 4.0 * f64::from(extent.width.max(extent.height))).then(|| Motion {
+            texel: [x, y],
+            px: px.map(R::new),
+            length_px: R::new(length),
+        })
+    }
+}
+
+fn depth_or_sky(z: f32) -> f64 {
+    f64::from(if z.is_finite() && z > 0.0 { z } else { SKY_DEPTH })
+}
+
+/// The first offset of [`RING`] with the largest score.
+fn first_largest(score: impl Fn([i64; 2]) -> f64) -> [i64; 2] {
+    let mut best = (RING[0], score(RING[0]));
+    for offset in &RING[1..] {
+        let score = score(*offset);
+        if score > best.1 {
+            best = (*offset, score);
+        }
+    }
+    best.0
+}

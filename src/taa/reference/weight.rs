@@ -1,0 +1,106 @@
+//! How much the current colour counts in the blend: the twin of `shaders/taa/temporal/weight.wgsl`.
+
+use super::{
+    Pixels,
+    color::Color,
+    neighbourhood::ColorBox,
+    real::{Real, mix},
+    reproject::Motion,
+    sampling,
+};
+use crate::taa::recipe::Weight;
+
+/// What is blended, and what it was before.
+pub struct Blended<'a, R> {
+    pub current: Color<R>,
+    /// History after rectification.
+    pub rectified: Color<R>,
+    /// History before it.
+    pub unrectified: Color<R>,
+    pub bounds: Option<&'a ColorBox<R>>,
+}
+
+impl<R: Real> Pixels<'_, R> {
+    /// The weight of the current colour.
+    pub fn weight(&self, p: [i64; 2], motion: Motion<R>, n_samples: R, colors: &Blended<'_, R>) -> R {
+        let Blended {
+            current,
+            rectified,
+            unrectified,
+            bounds,
+        } = *colors;
+        let recipe = self.recipe;
+        let c = R::new;
+        let weight = match recipe.weight {
+            Weight::Fixed => c(recipe.current_weight),
+            Weight::LumaFeedback => {
+                let (l0, l1) = (current.luma(), rectified.luma());
+                let agreement = c(1.0) - (l0 - l1).abs() / l0.max(l1).max(c(0.2));
+                c(1.0)
+                    - mix(
+                        c(recipe.luma_feedback_lo),
+                        c(recipe.luma_feedback_hi),
+                        agreement * agreement,
+                    )
+            }
+            Weight::Antiflicker => {
+                let bounds = bounds.expect("validated: the weight needs a box");
+                let base = mix(c(0.04), c(0.2), (motion.length_px / c(40.0)).saturate());
+                let [lo, hi, l] =
+                    [bounds.lo, bounds.hi, unrectified.to_space(recipe.space)].map(|color| color.luma_in(recipe.space));
+                let to_edge = (l - lo).min(hi - l).max(c(0.0));
+                let inside = (c(2.0) * to_edge / (hi - lo).max(c(1e-7))).saturate();
+                (base * (c(1.0) + c(3.0) * inside)).min(c(1.0))
+            }
+            Weight::Count => (c(1.0) / n_samples).max(c(recipe.count_weight_min)),
+            Weight::Amortized => self.amortized(p, motion, n_samples),
+        };
+        let weight = if recipe.reactive {
+            weight.max(self.reactive(p))
+        } else {
+            weight
+        };
+        if !recipe.motion_weight {
+            return weight;
+        }
+        let (from, to) = (c(recipe.motion_weight_from_px), c(recipe.motion_weight_to_px));
+        weight.max(((motion.length_px - from) / (to - from)).saturate())
+    }
+
+    /// Yang et al. 2009: shorter histories where they differ from the present on average, and where the fraction of the
+    /// motion makes bilinear resampling blur.
+    fn amortized(&self, [x, y]: [i64; 2], motion: Motion<R>, n_samples: R) -> R {
+        let c = R::new;
+        let differences = self.differences.as_ref().expect("made for this weight");
+        let mut sum = Color::default();
+        for (i, j) in (-3..=3).flat_map(|j| (-3..=3).map(move |i| (i, j))) {
+            sum = sum + differences.clamped(x + i, y + j);
+        }
+        let difference = (sum * c(1.0 / 49.0)).map(R::abs).max3();
+        let changed = (c(1.0) - c(0.05) / difference.max(c(1e-6))).saturate();
+        let fractions = motion.px.map(|m| m - m.floor());
+        let [vx, vy] = fractions.map(|f| f * (c(1.0) - f));
+        let blur = c(0.5) * (vx + vy);
+        (c(1.0) / n_samples).max(changed).max(blur / (blur + c(0.5)))
+    }
+
+    /// History less the current colour; 0 where history is absent.
+    pub fn difference(&self, p: [i64; 2]) -> Color<R> {
+        let (Some(at), Some(previous)) = (self.reproject(p), self.previous) else {
+            return Color::default();
+        };
+        let (filter, deringing) = (self.recipe.history_filter, self.recipe.deringing);
+        sampling::history(&previous.history, at.q, filter, deringing) - self.color.clamped(p[0], p[1])
+    }
+
+    /// Within 0 to 1; what is not finite counts as 0.
+    fn reactive(&self, [x, y]: [i64; 2]) -> R {
+        let mask = self
+            .frame
+            .reactive
+            .as_ref()
+            .expect("validated: the recipe needs a mask");
+        let value = mask.clamped(x, y);
+        R::new(if value.is_finite() { f64::from(value) } else { 0.0 }).saturate()
+    }
+}
