@@ -180,7 +180,7 @@ fn speed(gpu: &Gpu) -> anyhow::Result<()> {
     for id in ["ema", "inside", "karis2014", "salvi2016"] {
         let preset = Preset::find(id)?;
         let recipe = &preset.recipe;
-        let wanted = BTreeSet::from([(recipe.source, recipe.domain)]);
+        let wanted = BTreeSet::from([recipe.preparation()]);
         let mut inputs = Inputs::new(gpu, extent, recipe.required_channels(), &wanted)?;
         let mut resolver = Resolver::new(gpu, recipe.clone(), Precision::F16, extent)?;
         let mut timer = Timer::new(gpu, 0);

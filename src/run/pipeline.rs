@@ -205,7 +205,7 @@ impl<'a> Stage<'a> {
             let mut copy = |counter: &wgpu::Buffer| readback.copy_buffer(gpu, &mut encoder, counter, 4);
             let prepared = self.plan.prepared.iter();
             let repaired: Vec<_> = prepared
-                .map(|&(source, domain)| copy(self.inputs.repaired_texels(source, domain)))
+                .map(|&preparation| copy(self.inputs.repaired_texels(preparation)))
                 .collect();
             (shown, repaired)
         })?;

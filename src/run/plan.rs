@@ -5,10 +5,7 @@ use crate::{
     gpu::Timer,
     metrics::Metric,
     sequence::{Channels, Sequence},
-    taa::{
-        Preset, Recipe, Source,
-        recipe::{Dilation, Domain},
-    },
+    taa::{Preparation, Preset, Recipe, Source, recipe::Dilation},
 };
 use std::collections::BTreeSet;
 
@@ -20,7 +17,7 @@ pub struct Plan {
     pub metrics: Vec<Metric>,
     pub channels: Channels,
     /// The colours to prepare, in order.
-    pub prepared: BTreeSet<(Source, Domain)>,
+    pub prepared: BTreeSet<Preparation>,
     pub n_frames: usize,
     pub repeat: u32,
 }
@@ -79,10 +76,7 @@ impl Plan {
                 })
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let prepared: BTreeSet<_> = systems
-            .iter()
-            .map(|system| (system.recipe.source, system.recipe.domain))
-            .collect();
+        let prepared: BTreeSet<_> = systems.iter().map(|system| system.recipe.preparation()).collect();
         let metrics = if available.reference {
             spec.metrics.clone()
         } else {
@@ -138,6 +132,8 @@ fn channels(systems: &[System], available: Channels, wants_reference: bool) -> C
         all.union(recipe.required_channels()).union(recipe.optional_channels())
     });
     Channels {
+        albedo: wanted.albedo && available.albedo,
+        object_id: wanted.object_id && available.object_id,
         unjittered_color: wanted.unjittered_color && available.unjittered_color,
         reference: wants_reference,
         ..wanted

@@ -181,11 +181,7 @@ impl<'a> Scorer<'a> {
     /// the medians of this preset's passes.
     fn gather_times(&mut self, index: usize, pass_ms: &[f64], warmup: bool) -> BTreeMap<String, f64> {
         let recipe = &self.plan.systems[index].recipe;
-        let prepared = self
-            .plan
-            .prepared
-            .iter()
-            .position(|&key| key == (recipe.source, recipe.domain));
+        let prepared = self.plan.prepared.iter().position(|&key| key == recipe.preparation());
         let before: usize = self.plan.systems[..index]
             .iter()
             .map(|system| system.recipe.passes().len())
@@ -217,7 +213,7 @@ impl<'a> Scorer<'a> {
         let keys = self.plan.prepared.iter().zip(&submitted.repaired);
         let (_, &slot) = keys
             .into_iter()
-            .find(|(key, _)| **key == (recipe.source, recipe.domain))
+            .find(|(key, _)| **key == recipe.preparation())
             .expect("planned for this recipe");
         let bytes = submitted.readback.bytes(slot)?;
         Ok(u64::from(u32::from_le_bytes(std::array::from_fn(|i| bytes[i]))))

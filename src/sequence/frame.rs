@@ -77,4 +77,9 @@ impl Frame {
     pub fn extent(&self) -> Extent {
         self.color.extent()
     }
+
+    /// The far plane's distance, 1000 where the engine has none.
+    pub fn finite_far(&self) -> f64 {
+        if self.far.is_finite() { self.far } else { 1000.0 }
+    }
 }

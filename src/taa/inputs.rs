@@ -1,11 +1,7 @@
 //! A frame on the device. Uploaded once, whatever the number of recipes; colour is repaired and mapped into each
 //! working domain once, too.
 
-use super::{
-    Carried, Recipe, Source,
-    recipe::{Domain, InputFilter},
-    recorder::Recorder,
-};
+use super::{Carried, Preparation, Recipe, Source, recipe::InputFilter, recorder::Recorder};
 use crate::{
     gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer},
     image::Extent,
@@ -20,20 +16,22 @@ pub struct Inputs {
     extent: Extent,
     has_history: bool,
     jitter_px: [f64; 2],
+    far: f32,
     color: Texture,
+    albedo: Texture,
     unjittered_color: Option<Texture>,
     /// One texel where no recipe reads it, so that every pipeline has something to bind.
     depth: Carried,
     object_id: Carried,
     pub(super) motion: Texture,
     pub(super) reactive: Texture,
-    prepare: BTreeMap<Domain, Pass>,
-    prepared: BTreeMap<(Source, Domain), Prepared>,
+    prepared: BTreeMap<Preparation, Prepared>,
 }
 
 /// A colour in a working domain.
 #[derive(Debug)]
 struct Prepared {
+    pass: Pass,
     color: Texture,
     repaired_texels: wgpu::Buffer,
 }
@@ -49,13 +47,12 @@ impl Inputs {
         gpu: &Gpu,
         extent: Extent,
         channels: Channels,
-        wanted: &BTreeSet<(Source, Domain)>,
+        wanted: &BTreeSet<Preparation>,
     ) -> Result<Self, GpuError> {
-        let mut prepare = BTreeMap::new();
-        for &(_, domain) in wanted {
-            let overrides = [("domain", f64::from(domain as u32))];
-            prepare.insert(domain, Pass::new(gpu, "prepare", &PREPARE, &overrides)?);
-        }
+        let prepared = wanted
+            .iter()
+            .map(|&key| Ok((key, Prepared::new(gpu, extent, key, channels)?)))
+            .collect::<Result<_, GpuError>>()?;
         gpu.scope("making room for a frame", || {
             let texture = |label, format| Texture::new(gpu, label, extent, format);
             let if_read = |read, label, format| {
@@ -66,19 +63,11 @@ impl Inputs {
                 let extent = if read { extent } else { Extent::new(1, 1) };
                 Carried::new(gpu, label, extent, format)
             };
-            let prepared = wanted
-                .iter()
-                .map(|&key| {
-                    (
-                        key,
-                        Prepared::new(gpu, texture("prepared color", TextureFormat::Rgba32Float)),
-                    )
-                })
-                .collect();
             Self {
                 extent,
                 has_history: false,
                 jitter_px: [0.0; 2],
+                far: 1.0,
                 color: texture("color", TextureFormat::Rgba32Float),
                 unjittered_color: channels
                     .unjittered_color
@@ -87,7 +76,7 @@ impl Inputs {
                 object_id: carried(channels.object_id, "object id", TextureFormat::R32Uint),
                 motion: if_read(channels.motion, "motion", TextureFormat::Rg32Float),
                 reactive: if_read(channels.reactive, "reactive mask", TextureFormat::R32Float),
-                prepare,
+                albedo: if_read(channels.albedo, "albedo", TextureFormat::Rgba32Float),
                 prepared,
             }
         })
@@ -97,11 +86,15 @@ impl Inputs {
     pub fn upload(&mut self, gpu: &Gpu, frame: &Frame) -> Result<(), GpuError> {
         self.has_history = frame.index > 0 && !frame.reset;
         self.jitter_px = frame.jitter_px;
+        self.far = frame.finite_far() as f32;
         let is_read = |texture: &Texture| texture.extent() == self.extent;
         gpu.scope("uploading a frame", || {
             self.color.write_rgb(gpu, &frame.color);
             if let (Some(texture), Some(image)) = (&self.unjittered_color, &frame.unjittered_color) {
                 texture.write_rgb(gpu, image);
+            }
+            if let Some(albedo) = frame.albedo.as_ref().filter(|_| is_read(&self.albedo)) {
+                self.albedo.write_rgb(gpu, albedo);
             }
             self.depth.advance();
             if let Some(depth) = frame.depth.as_ref().filter(|_| is_read(self.depth.current())) {
@@ -120,7 +113,7 @@ impl Inputs {
         })
     }
 
-    /// Records the preparation of every colour and domain wanted, in their order, `repeat` times each.
+    /// Records the preparation of every colour wanted, in their order, `repeat` times each.
     pub fn prepare(
         &self,
         gpu: &Gpu,
@@ -134,9 +127,11 @@ impl Inputs {
             timer,
             repeat,
         };
-        for (&(source, domain), prepared) in &self.prepared {
-            let dispatch = self.prepare[&domain]
-                .bind("input_color", self.color_of(source))
+        for (preparation, prepared) in &self.prepared {
+            let dispatch = prepared
+                .pass
+                .bind("input_color", self.color_of(preparation.source))
+                .bind("input_albedo", &self.albedo)
                 .bind("color", &prepared.color)
                 .bind("repaired_texels", &prepared.repaired_texels)
                 .over(gpu, self.extent)?;
@@ -146,12 +141,8 @@ impl Inputs {
     }
 
     /// The count of hostile texels that preparing a colour repaired: one `u32`.
-    pub fn repaired_texels(&self, source: Source, domain: Domain) -> &wgpu::Buffer {
-        &self.prepared[&(source, domain)].repaired_texels
-    }
-
-    fn prepared(&self, source: Source, domain: Domain) -> &Texture {
-        &self.prepared[&(source, domain)].color
+    pub fn repaired_texels(&self, preparation: Preparation) -> &wgpu::Buffer {
+        &self.prepared[&preparation].repaired_texels
     }
 
     pub(super) fn extent(&self) -> Extent {
@@ -163,7 +154,7 @@ impl Inputs {
     pub(super) fn bind_to<'a>(&'a self, pass: &'a Pass, recipe: &Recipe) -> Invocation<'a> {
         let [x, y] = self.jitter_px;
         pass.start()
-            .offer("color", self.prepared(recipe.source, recipe.domain))
+            .offer("color", &self.prepared[&recipe.preparation()].color)
             .offer("depth", self.depth.current())
             .offer("previous_depth", self.depth.previous())
             .offer("object_id", self.object_id.current())
@@ -176,6 +167,7 @@ impl Inputs {
                     ("input_weights_y", InputFilter::axis_weights(y).map(|w| w as f32).into()),
                     ("jitter_px", [x as f32, y as f32].into()),
                     ("has_history", u32::from(self.has_history).into()),
+                    ("far", self.far.into()),
                 ],
             )
     }
@@ -189,16 +181,22 @@ impl Inputs {
 }
 
 impl Prepared {
-    fn new(gpu: &Gpu, color: Texture) -> Self {
-        Self {
-            color,
+    fn new(gpu: &Gpu, extent: Extent, key: Preparation, channels: Channels) -> Result<Self, GpuError> {
+        let overrides = [
+            ("domain", f64::from(key.domain as u32)),
+            ("with_albedo", f64::from(u8::from(key.albedo && channels.albedo))),
+        ];
+        let pass = Pass::new(gpu, "prepare", &PREPARE, &overrides)?;
+        gpu.scope("making room for a colour", || Self {
+            pass,
+            color: Texture::new(gpu, "prepared color", extent, TextureFormat::Rgba32Float),
             repaired_texels: gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("repaired texels"),
                 size: 4,
                 usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: false,
             }),
-        }
+        })
     }
 }
 

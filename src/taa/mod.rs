@@ -11,6 +11,7 @@ pub mod recipe;
 mod recorder;
 pub mod reference;
 mod resolver;
+mod sobel2018;
 mod temporal;
 
 pub use inputs::Inputs;
@@ -20,7 +21,7 @@ pub use resolver::Resolver;
 
 use crate::sequence::Channels;
 use carried::Carried;
-use recipe::{Dilation, HistoryFilter};
+use recipe::{Dilation, Domain, HistoryFilter, Neighbourhood};
 use serde::{Deserialize, Serialize};
 
 /// How history is stored between frames.
@@ -44,14 +45,35 @@ pub enum Source {
     UnjitteredIfPresent,
 }
 
+/// A colour as recipes resolve it: repaired, in their working domain. Recipes that agree share it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Preparation {
+    /// Which colour.
+    pub source: Source,
+    /// In which domain.
+    pub domain: Domain,
+    /// With the albedo, where the sequence has one.
+    pub albedo: bool,
+}
+
 impl Recipe {
+    /// The colour it resolves.
+    pub fn preparation(&self) -> Preparation {
+        Preparation {
+            source: self.source,
+            domain: self.domain,
+            albedo: self.optional_channels().albedo,
+        }
+    }
+
     /// The images a frame must have for this recipe.
     pub fn required_channels(&self) -> Channels {
         let uses_history = self.history_filter != HistoryFilter::None;
         let uses_motion = uses_history && self.reproject || self.motion_blur;
         Channels {
             motion: uses_motion,
-            depth: uses_motion && (self.dilation == Dilation::Closest || self.reject_depth),
+            depth: uses_motion && (self.dilation == Dilation::Closest || self.reject_depth)
+                || uses_history && self.neighbourhood == Neighbourhood::Sobel,
             object_id: uses_history && self.reject_id,
             reactive: uses_history && self.reactive,
             ..Channels::default()
@@ -69,7 +91,10 @@ impl Recipe {
 
     /// The images it makes use of where a sequence has them.
     pub fn optional_channels(&self) -> Channels {
+        let finds_edges = self.history_filter != HistoryFilter::None && self.neighbourhood == Neighbourhood::Sobel;
         Channels {
+            albedo: finds_edges,
+            object_id: finds_edges,
             unjittered_color: self.source == Source::UnjitteredIfPresent,
             ..Channels::default()
         }

@@ -2,7 +2,9 @@
 
 use super::{
     Source,
-    recipe::{Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Space, Weight},
+    recipe::{
+        Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight,
+    },
 };
 use serde::Serialize;
 
@@ -43,6 +45,7 @@ const BASE: Recipe = Recipe {
     unjitter_neighbourhood: false,
     variance_window: 3,
     variance_gamma: 1.0,
+    prefilter_moments: false,
     intersect_minmax: true,
     rectify: Rectify::None,
     reject_depth: false,
@@ -58,6 +61,8 @@ const BASE: Recipe = Recipe {
     motion_weight_from_px: 2.0,
     motion_weight_to_px: 20.0,
     hdr_weight: HdrWeight::None,
+    sharpen: Sharpen::None,
+    sharpen_strength: 1.0,
     motion_blur: false,
 };
 
@@ -73,8 +78,17 @@ const INSIDE: Recipe = Recipe {
     ..BASE
 };
 
+const SALVI: Recipe = Recipe {
+    domain: Domain::Tonemapped,
+    dilation: Dilation::Longest,
+    history_filter: HistoryFilter::CatmullRom,
+    neighbourhood: Neighbourhood::Variance,
+    rectify: Rectify::ClipCurrent,
+    ..BASE
+};
+
 /// Every published system, in the order of their publication.
-pub const PRESETS: [Preset; 10] = [
+pub const PRESETS: [Preset; 13] = [
     Preset {
         id: "none",
         description: "The engine's colour as it is: what anti-aliasing has to improve on",
@@ -151,6 +165,16 @@ pub const PRESETS: [Preset; 10] = [
         },
     },
     Preset {
+        id: "uncharted4",
+        description: "As INSIDE, sharpened",
+        publication: "Xu, Temporal Antialiasing in Uncharted 4, SIGGRAPH 2016",
+        recipe: Recipe {
+            sharpen: Sharpen::Xu,
+            motion_blur: false,
+            ..INSIDE
+        },
+    },
+    Preset {
         id: "karis2014",
         description: "Filtered input, five-tap Catmull-Rom history, YCoCg clip, anti-flicker and luma weights",
         publication: "Karis, High-Quality Temporal Supersampling, SIGGRAPH 2014",
@@ -170,13 +194,28 @@ pub const PRESETS: [Preset; 10] = [
         id: "salvi2016",
         description: "Longest-motion dilation, Catmull-Rom history, variance clipping towards the current colour",
         publication: "Salvi, An Excursion in Temporal Supersampling, GDC 2016",
+        recipe: SALVI,
+    },
+    Preset {
+        id: "salvi2016_wide",
+        description: "The same with 7×7 texels, their moments found by separable passes",
+        publication: "Salvi, An Excursion in Temporal Supersampling, GDC 2016",
         recipe: Recipe {
-            domain: Domain::Tonemapped,
-            dilation: Dilation::Longest,
-            history_filter: HistoryFilter::CatmullRom,
-            neighbourhood: Neighbourhood::Variance,
-            rectify: Rectify::ClipCurrent,
-            ..BASE
+            variance_window: 7,
+            prefilter_moments: true,
+            intersect_minmax: false,
+            ..SALVI
+        },
+    },
+    Preset {
+        id: "sobel2018",
+        description: "A box as wide as edges, depth and objects say that the pixel is aliased; sharpened",
+        publication: "Oliveros Labrador, Improved Sampling for Temporal Anti-Aliasing, Lund 2018",
+        recipe: Recipe {
+            neighbourhood: Neighbourhood::Sobel,
+            sharpen: Sharpen::Normalised,
+            motion_blur: false,
+            ..INSIDE
         },
     },
 ];

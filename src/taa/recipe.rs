@@ -4,7 +4,9 @@
 
 mod blocks;
 
-pub use blocks::{Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Space, Weight};
+pub use blocks::{
+    Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space, Weight,
+};
 
 use super::Source;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -41,6 +43,8 @@ pub struct Recipe {
     pub variance_window: u32,
     /// Half extent of the variance box in standard deviations, above 0.
     pub variance_gamma: f64,
+    /// Find mean and deviation in two passes whose cost does not depend on the window.
+    pub prefilter_moments: bool,
     /// Intersect the variance box with the 3×3 minimum and maximum.
     pub intersect_minmax: bool,
     /// See [`Rectify`].
@@ -71,6 +75,10 @@ pub struct Recipe {
     pub motion_weight_to_px: f64,
     /// See [`HdrWeight`].
     pub hdr_weight: HdrWeight,
+    /// See [`Sharpen`].
+    pub sharpen: Sharpen,
+    /// How much of the kernel's effect, 0 to 1.
+    pub sharpen_strength: f64,
     /// Show fast pixels blurred along their motion instead of resolved.
     pub motion_blur: bool,
 }
@@ -128,6 +136,12 @@ impl Recipe {
                 "must be above 0, at most 100",
             ),
             (
+                !self.prefilter_moments
+                    || self.neighbourhood == Neighbourhood::Variance && !self.unjitter_neighbourhood,
+                "prefilter_moments",
+                "needs the neighbourhood `variance`, without `unjitter_neighbourhood`",
+            ),
+            (
                 !self.chroma_from_luma || self.space == Space::Ycocg,
                 "chroma_from_luma",
                 "needs the space `ycocg`",
@@ -144,6 +158,12 @@ impl Recipe {
             ),
             (unit(self.luma_feedback_lo), "luma_feedback_lo", "must be 0 to 1"),
             (unit(self.luma_feedback_hi), "luma_feedback_hi", "must be 0 to 1"),
+            (unit(self.sharpen_strength), "sharpen_strength", "must be 0 to 1"),
+            (
+                self.sharpen != Sharpen::Rcas || self.domain == Domain::Tonemapped,
+                "sharpen",
+                "`rcas` needs the domain `tonemapped`",
+            ),
             (unit(self.count_weight_min), "count_weight_min", "must be 0 to 1"),
             (
                 self.motion_weight_from_px >= 0.0,
@@ -197,6 +217,7 @@ impl Recipe {
             ("unjitter_neighbourhood", flag(self.unjitter_neighbourhood)),
             ("variance_window", number(self.variance_window)),
             ("variance_gamma", self.variance_gamma),
+            ("prefilter_moments", flag(self.prefilter_moments)),
             ("intersect_minmax", flag(self.intersect_minmax)),
             ("rectify", number(self.rectify as u32)),
             ("reject_depth", flag(self.reject_depth)),
@@ -212,6 +233,8 @@ impl Recipe {
             ("motion_weight_from_px", self.motion_weight_from_px),
             ("motion_weight_to_px", self.motion_weight_to_px),
             ("hdr_weight", number(self.hdr_weight as u32)),
+            ("sharpen", number(self.sharpen as u32)),
+            ("sharpen_strength", self.sharpen_strength),
             ("motion_blur", flag(self.motion_blur)),
         ]
     }

@@ -1,6 +1,10 @@
 //! One recipe on the GPU: its specialised passes and what they keep from frame to frame.
 
-use super::{Inputs, Precision, Recipe, recorder::Recorder, temporal::Temporal};
+use super::{
+    Inputs, Precision, Recipe,
+    recorder::Recorder,
+    temporal::{Builder, Temporal},
+};
 use crate::{
     gpu::{Gpu, GpuError, Texture, Timer},
     image::Extent,
@@ -18,8 +22,12 @@ pub struct Resolver {
 impl Resolver {
     /// Compiles the passes of `recipe` and makes room for frames of `extent`.
     pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, extent: Extent) -> Result<Self, GpuError> {
-        let precision = recipe.precision(precision);
-        let temporal = Temporal::new(gpu, &recipe, precision, extent)?;
+        let temporal = Temporal::new(Builder {
+            gpu,
+            precision: recipe.precision(precision),
+            recipe: &recipe,
+            extent,
+        })?;
         gpu.scope("making room for the shown image", || Self {
             temporal,
             shown: Texture::new(gpu, "shown", extent, TextureFormat::Rgba32Float),

@@ -1,47 +1,79 @@
 //! The temporal pass (`shaders/taa/temporal`), and the passes before it that some of its blocks need.
 
-use super::{Carried, Inputs, Precision, Recipe, recipe::Weight, recorder::Recorder};
+mod difference;
+mod moments;
+
+use super::{
+    Carried, Inputs, Precision, Recipe,
+    recipe::{HistoryFilter, Neighbourhood, Sharpen, Weight},
+    recorder::Recorder,
+    sobel2018::Edges,
+};
 use crate::{
     gpu::{Gpu, GpuError, Pass, Texture},
     image::Extent,
 };
+use difference::Difference;
+use moments::Moments;
 use wgpu::TextureFormat;
 
 /// What every pass of a recipe is compiled with.
-const SHARED: [&str; 9] = [
+const SHARED: [&str; 10] = [
     include_str!("../../shaders/taa/temporal/recipe.wgsl"),
     include_str!("../../shaders/taa/temporal/reproject.wgsl"),
     include_str!("../../shaders/taa/temporal/filters.wgsl"),
     include_str!("../../shaders/taa/temporal/neighbourhood.wgsl"),
     include_str!("../../shaders/taa/temporal/weight.wgsl"),
     include_str!("../../shaders/taa/temporal/output.wgsl"),
+    include_str!("../../shaders/taa/sobel2018/box.wgsl"),
     include_str!("../../shaders/common/rectify.wgsl"),
     include_str!("../../shaders/common/sampling.wgsl"),
     include_str!("../../shaders/common/color.wgsl"),
 ];
 const RESOLVE: &str = include_str!("../../shaders/taa/temporal/resolve.wgsl");
-const DIFFERENCE: &str = include_str!("../../shaders/taa/temporal/difference.wgsl");
-const DIFFERENCE_ROWS: &str = include_str!("../../shaders/taa/temporal/difference_rows.wgsl");
+const SHARPEN: &str = include_str!("../../shaders/taa/temporal/sharpen.wgsl");
 const HISTORY_F16: &str = include_str!("../../shaders/taa/temporal/history_f16.wgsl");
 const HISTORY_F32: &str = include_str!("../../shaders/taa/temporal/history_f32.wgsl");
 
-/// Compiles a pass of `recipe`.
-pub fn pass(gpu: &Gpu, name: &str, text: &str, recipe: &Recipe, precision: Precision) -> Result<Pass, GpuError> {
-    let store = match precision {
-        Precision::F16 => HISTORY_F16,
-        Precision::F32 => HISTORY_F32,
-    };
-    let mut sources = vec![text];
-    sources.extend(SHARED);
-    sources.push(store);
-    Pass::new(gpu, name, &sources, &recipe.overrides())
+/// What the passes of a recipe are made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Builder<'a> {
+    pub gpu: &'a Gpu,
+    pub recipe: &'a Recipe,
+    pub precision: Precision,
+    pub extent: Extent,
+}
+
+impl Builder<'_> {
+    /// Compiles a pass of the recipe; `overrides` are its own.
+    pub fn pass(&self, name: &str, text: &str, overrides: &[(&str, f64)]) -> Result<Pass, GpuError> {
+        let store = match self.precision {
+            Precision::F16 => HISTORY_F16,
+            Precision::F32 => HISTORY_F32,
+        };
+        let sources: Vec<_> = [text].into_iter().chain(SHARED).chain([store]).collect();
+        Pass::new(
+            self.gpu,
+            name,
+            &sources,
+            &[&self.recipe.overrides(), overrides].concat(),
+        )
+    }
+
+    /// A 32-bit colour image the size of the frame.
+    pub fn color(&self, label: &str) -> Texture {
+        Texture::new(self.gpu, label, self.extent, TextureFormat::Rgba32Float)
+    }
 }
 
 /// The passes of a temporal recipe and what they keep.
 #[derive(Debug)]
 pub struct Temporal {
     difference: Option<Difference>,
+    moments: Option<Moments>,
+    edges: Option<Edges>,
     resolve: Pass,
+    sharpen: Option<(Pass, Texture)>,
     history: Carried,
     n_samples: Carried,
     /// Bound where a recipe does not read what another would.
@@ -52,27 +84,50 @@ impl Temporal {
     /// The names of the passes, in the order recorded.
     pub fn passes(recipe: &Recipe) -> Vec<&'static str> {
         let mut passes = Vec::new();
-        if recipe.weight == Weight::Amortized {
-            passes.extend(["difference", "difference_rows"]);
+        if needs_difference(recipe) {
+            passes.extend(Difference::PASSES);
+        }
+        if needs_moments(recipe) {
+            passes.extend(Moments::PASSES);
+        }
+        if needs_edges(recipe) {
+            passes.extend(Edges::PASSES);
         }
         passes.push("resolve");
+        if recipe.sharpen != Sharpen::None {
+            passes.push("sharpen");
+        }
         passes
     }
 
-    pub fn new(gpu: &Gpu, recipe: &Recipe, precision: Precision, extent: Extent) -> Result<Self, GpuError> {
-        let difference = (recipe.weight == Weight::Amortized)
-            .then(|| Difference::new(gpu, recipe, precision, extent))
-            .transpose()?;
-        let resolve = pass(gpu, "resolve", RESOLVE, recipe, precision)?;
+    pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
+        let Builder {
+            gpu,
+            recipe,
+            precision,
+            extent,
+        } = builder;
+        let difference = needs_difference(recipe).then(|| Difference::new(builder));
+        let moments = needs_moments(recipe).then(|| Moments::new(builder));
+        let edges = needs_edges(recipe).then(|| Edges::new(builder));
+        let resolve = builder.pass("resolve", RESOLVE, &[])?;
+        let sharpen = match recipe.sharpen {
+            Sharpen::None => None,
+            _ => Some((builder.pass("sharpen", SHARPEN, &[])?, builder.color("resolved"))),
+        };
         let history_format = match precision {
             Precision::F16 => TextureFormat::Rgba16Float,
             Precision::F32 => TextureFormat::Rgba32Float,
         };
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
+        let (difference, moments, edges) = (difference.transpose()?, moments.transpose()?, edges.transpose()?);
         gpu.scope("making room for history", || Self {
             difference,
+            moments,
+            edges,
             resolve,
+            sharpen,
             history: Carried::new(gpu, "history", extent, history_format),
             n_samples: Carried::new(gpu, "samples", counted, TextureFormat::R32Float),
             nothing: Texture::new(gpu, "nothing", unused, TextureFormat::Rgba32Float),
@@ -93,7 +148,14 @@ impl Temporal {
         if let Some(difference) = &self.difference {
             difference.record(recorder, recipe, inputs, history)?;
         }
-        let dispatch = inputs
+        if let Some(moments) = &self.moments {
+            moments.record(recorder, recipe, inputs)?;
+        }
+        if let Some(edges) = &mut self.edges {
+            edges.record(recorder, recipe, inputs)?;
+        }
+        let nothing = &self.nothing;
+        let resolve = inputs
             .bind_to(&self.resolve, recipe)
             .bind("history", history)
             .bind("next_history", self.history.current())
@@ -102,57 +164,41 @@ impl Temporal {
             .bind("reactive_mask", &inputs.reactive)
             .bind(
                 "difference_rows",
-                self.difference
-                    .as_ref()
-                    .map_or(&self.nothing, |difference| &difference.rows),
+                self.difference.as_ref().map_or(nothing, Difference::rows),
             )
-            .bind("shown", shown)
+            .bind("window_means", self.moments.as_ref().map_or(nothing, Moments::means))
+            .bind(
+                "window_variances",
+                self.moments.as_ref().map_or(nothing, Moments::variances),
+            )
+            .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
+            .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved))
             .over(recorder.gpu, inputs.extent())?;
-        recorder.record(&dispatch);
+        recorder.record(&resolve);
+        if let Some((sharpen, resolved)) = &self.sharpen {
+            let sharpen = inputs
+                .bind_to(sharpen, recipe)
+                .bind("resolved", resolved)
+                .bind("shown", shown)
+                .over(recorder.gpu, inputs.extent())?;
+            recorder.record(&sharpen);
+        }
         Ok(())
     }
 }
 
-/// The mean difference of history and current colour over rows of 7, for [`Weight::Amortized`].
-#[derive(Debug)]
-struct Difference {
-    of_pixel: Pass,
-    of_row: Pass,
-    pixels: Texture,
-    rows: Texture,
+fn uses_history(recipe: &Recipe) -> bool {
+    recipe.history_filter != HistoryFilter::None
 }
 
-impl Difference {
-    fn new(gpu: &Gpu, recipe: &Recipe, precision: Precision, extent: Extent) -> Result<Self, GpuError> {
-        let of_pixel = pass(gpu, "difference", DIFFERENCE, recipe, precision)?;
-        let of_row = pass(gpu, "difference_rows", DIFFERENCE_ROWS, recipe, precision)?;
-        gpu.scope("making room for differences", || Self {
-            of_pixel,
-            of_row,
-            pixels: Texture::new(gpu, "difference", extent, TextureFormat::Rgba32Float),
-            rows: Texture::new(gpu, "difference rows", extent, TextureFormat::Rgba32Float),
-        })
-    }
+fn needs_difference(recipe: &Recipe) -> bool {
+    uses_history(recipe) && recipe.weight == Weight::Amortized
+}
 
-    fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        recipe: &Recipe,
-        inputs: &Inputs,
-        history: &Texture,
-    ) -> Result<(), GpuError> {
-        let of_pixel = inputs
-            .bind_to(&self.of_pixel, recipe)
-            .bind("history", history)
-            .bind("difference", &self.pixels)
-            .over(recorder.gpu, inputs.extent())?;
-        recorder.record(&of_pixel);
-        let of_row = self
-            .of_row
-            .bind("difference", &self.pixels)
-            .bind("rows", &self.rows)
-            .over(recorder.gpu, inputs.extent())?;
-        recorder.record(&of_row);
-        Ok(())
-    }
+fn needs_moments(recipe: &Recipe) -> bool {
+    uses_history(recipe) && recipe.prefilter_moments
+}
+
+fn needs_edges(recipe: &Recipe) -> bool {
+    uses_history(recipe) && recipe.neighbourhood == Neighbourhood::Sobel
 }

@@ -7,6 +7,7 @@ use afterimage::{
     run::{Observer, RunError, RunSpec, report::Report},
     sequence::Sequence,
     server::{Running, ServeError},
+    taa,
     worker::{GpuRunner, Runner},
 };
 use clap::Parser;
@@ -542,7 +543,10 @@ fn every_mistake_has_its_code_and_names_its_field() {
         .get("/adapter")
         .is_problem(503, "no_adapter", None, "no adapter in this test");
     assert_eq!(client.get("/health").json()["status"], "ok");
-    assert_eq!(client.get("/presets").json().as_array().unwrap().len(), 5);
+    assert_eq!(
+        client.get("/presets").json().as_array().unwrap().len(),
+        taa::PRESETS.len()
+    );
     assert!(
         client
             .get("/metrics")

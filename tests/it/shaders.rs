@@ -7,7 +7,9 @@ use afterimage::{
     image::Extent,
     taa::{
         Recipe,
-        recipe::{Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Space, Weight},
+        recipe::{
+            Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space, Weight,
+        },
     },
 };
 use serde::Serialize;
@@ -39,13 +41,13 @@ fn parse(source: &str) -> Result<naga::Module, String> {
 
 /// A pass together with the files it is compiled with.
 fn module_of(pass: &Path, files: &[PathBuf]) -> String {
-    // A recipe's passes share what lies in `temporal`; two ways to store history cannot stand in one module.
+    // A recipe's passes share what lies beside them; two ways to store history cannot stand in one module.
     let of_recipe = pass.iter().any(|part| part == "taa") && !pass.ends_with("prepare.wgsl");
     let needed: Vec<_> = files
         .iter()
         .filter(|path| {
             let folder = path.parent().unwrap();
-            let near = folder.ends_with("common") || of_recipe && folder.ends_with("temporal");
+            let near = folder.ends_with("common") || of_recipe && folder.parent().unwrap().ends_with("taa");
             near && !fs::read_to_string(path).unwrap().contains("@compute") && !path.ends_with("history_f32.wgsl")
         })
         .collect();
@@ -83,7 +85,7 @@ fn variants_have_the_numbers_that_the_shaders_know() {
     let files = all_files();
     let resolve = files
         .iter()
-        .find(|path| path.ends_with("temporal/resolve.wgsl"))
+        .find(|path| path.ends_with("temporal/sharpen.wgsl"))
         .unwrap();
     let module = parse(&module_of(resolve, &files)).unwrap();
     let constants: BTreeMap<_, _> = module
@@ -116,9 +118,10 @@ fn variants_have_the_numbers_that_the_shaders_know() {
     check!("DILATION", Dilation: None, Closest, Longest);
     check!("INPUT", InputFilter: Texel, Unjitter, BlackmanHarris);
     check!("HISTORY", HistoryFilter: None, Texel, Bilinear, CatmullRom, CatmullRom5);
-    check!("NEIGHBOURHOOD", Neighbourhood: None, Cross, Box3, Rounded, Variance);
+    check!("NEIGHBOURHOOD", Neighbourhood: None, Cross, Box3, Rounded, Variance, Sobel);
     check!("RECTIFY", Rectify: None, Clamp, ClipCentre, ClipCurrent);
     check!("WEIGHT", Weight: Fixed, LumaFeedback, Antiflicker, Count, Amortized);
+    check!("SHARPEN", Sharpen: None, Xu, Normalised, Rcas);
     check!("HDR_WEIGHT", HdrWeight: None, Karis);
 }
 
@@ -128,7 +131,7 @@ fn overrides_are_parameters() {
     let files = all_files();
     let resolve = files
         .iter()
-        .find(|path| path.ends_with("temporal/resolve.wgsl"))
+        .find(|path| path.ends_with("temporal/sharpen.wgsl"))
         .unwrap();
     let module = parse(&module_of(resolve, &files)).unwrap();
     let recipe: &Recipe = &afterimage::taa::PRESETS[0].recipe;

@@ -5,6 +5,11 @@ const NEIGHBOURHOOD_CROSS: u32 = 1u;
 const NEIGHBOURHOOD_BOX3: u32 = 2u;
 const NEIGHBOURHOOD_ROUNDED: u32 = 3u;
 const NEIGHBOURHOOD_VARIANCE: u32 = 4u;
+const NEIGHBOURHOOD_SOBEL: u32 = 5u;
+
+// Of variance_window² texels, where `prefilter_moments` is on. From 22 on are bindings of this file's own.
+@group(0) @binding(22) var window_means: texture_2d<f32>;
+@group(0) @binding(23) var window_variances: texture_2d<f32>;
 
 fn to_space(rgb: vec3f) -> vec3f {
     if (space == SPACE_YCOCG) {
@@ -60,9 +65,13 @@ fn rounded_box(p: vec2i) -> ColorBox {
     return ColorBox(0.5 * (a.lo + b.lo), 0.5 * (a.hi + b.hi), 0.5 * (a.mean + b.mean));
 }
 
-// Salvi, variance clipping: mean ± γ σ over n×n texels. Moments are taken about the centre texel, because
-// m2/N - μ² cancels where the neighbourhood is bright and flat.
-fn variance_box(p: vec2i) -> ColorBox {
+struct Distribution {
+    mean: vec3f,
+    sigma: vec3f,
+}
+
+// Moments are taken about the centre texel, because m2/N - μ² cancels where the neighbourhood is bright and flat.
+fn distribution(p: vec2i) -> Distribution {
     let centre = neighbour(p, vec2i(0));
     let radius = i32(variance_window) / 2;
     var m1 = vec3f(0.0);
@@ -76,9 +85,18 @@ fn variance_box(p: vec2i) -> ColorBox {
     }
     let per_texel = 1.0 / f32(variance_window * variance_window);
     let offset = m1 * per_texel;
-    let sigma = sqrt(max(vec3f(0.0), m2 * per_texel - offset * offset));
-    let mean = centre + offset;
-    let bounds = ColorBox(mean - variance_gamma * sigma, mean + variance_gamma * sigma, mean);
+    return Distribution(centre + offset, sqrt(max(vec3f(0.0), m2 * per_texel - offset * offset)));
+}
+
+// Salvi, variance clipping: mean ± γ σ over n×n texels.
+fn variance_box(p: vec2i) -> ColorBox {
+    var d: Distribution;
+    if (prefilter_moments) {
+        d = Distribution(fetch(window_means, p), sqrt(fetch(window_variances, p)));
+    } else {
+        d = distribution(p);
+    }
+    let bounds = ColorBox(d.mean - variance_gamma * d.sigma, d.mean + variance_gamma * d.sigma, d.mean);
     if (!intersect_minmax) {
         return bounds;
     }
@@ -86,17 +104,18 @@ fn variance_box(p: vec2i) -> ColorBox {
     let lo = max(bounds.lo, minmax.lo);
     let hi = min(bounds.hi, minmax.hi);
     let empty = any(lo > hi);
-    return ColorBox(select(lo, minmax.lo, empty), select(hi, minmax.hi, empty), mean);
+    return ColorBox(select(lo, minmax.lo, empty), select(hi, minmax.hi, empty), d.mean);
 }
 
-// The box around `p`, whose current colour is `current`, in RGB.
-fn color_box(p: vec2i, current: vec3f) -> ColorBox {
+// The box around `p`, whose current colour is `current`, in RGB, and whose history is `at`.
+fn color_box(p: vec2i, current: vec3f, at: Reprojection) -> ColorBox {
     var bounds: ColorBox;
     switch (neighbourhood) {
         case NEIGHBOURHOOD_CROSS: { bounds = cross_box(p); }
         case NEIGHBOURHOOD_BOX3: { bounds = box3(p); }
         case NEIGHBOURHOOD_ROUNDED: { bounds = rounded_box(p); }
         case NEIGHBOURHOOD_VARIANCE: { bounds = variance_box(p); }
+        case NEIGHBOURHOOD_SOBEL: { bounds = sobel_box(p, current, at); }
         default: {}
     }
     if (chroma_from_luma) {

@@ -1,5 +1,7 @@
 // The output stage: what is shown and never fed back. CPU twin: src/taa/reference/output.rs.
 
+const SHARPEN_NONE: u32 = 0u;
+
 // INSIDE: where motion is fast, show the current frame blurred along it instead of a history that cannot keep up.
 fn blur_along_motion(p: vec2i, resolved: vec3f, m: Motion) -> vec3f {
     let keep = 1.0 - saturate((sqrt(m.length2) - 2.0) / 13.0);

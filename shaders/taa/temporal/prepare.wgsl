@@ -1,13 +1,16 @@
-// Once a frame and domain, shared by every recipe that works in it: repairs hostile texels, counts them, and maps colour
-// into the working domain, so that the 3×3 reads of the resolve need neither.
+// Once a frame for all recipes that read it alike: repairs hostile texels, counts them, and maps colour into the working
+// domain, so that the 3×3 reads of the resolve need neither.
 
 override WORKGROUP_X: u32 = 8u;
 override WORKGROUP_Y: u32 = 8u;
 override domain: u32;
+// Store the luma of the unlit colour in alpha.
+override with_albedo: bool;
 
 @group(0) @binding(0) var input_color: texture_2d<f32>;
 @group(0) @binding(1) var color: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(2) var<storage, read_write> repaired_texels: atomic<u32>;
+@group(0) @binding(3) var input_albedo: texture_2d<f32>;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -15,9 +18,24 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let raw = textureLoad(input_color, id.xy, 0).rgb;
-    if (is_hostile(raw.r) || is_hostile(raw.g) || is_hostile(raw.b)) {
+    let prepared = to_domain(repaired(raw), domain);
+    var unlit_luma = luma(prepared);
+    var hostile = any_hostile(raw);
+    if (with_albedo) {
+        let albedo = textureLoad(input_albedo, id.xy, 0).rgb;
+        unlit_luma = luma(repaired(albedo));
+        hostile = hostile || any_hostile(albedo);
+    }
+    if (hostile) {
         atomicAdd(&repaired_texels, 1u);
     }
-    let repaired = vec3f(repair(raw.r), repair(raw.g), repair(raw.b));
-    textureStore(color, id.xy, vec4f(to_domain(repaired, domain), 1.0));
+    textureStore(color, id.xy, vec4f(prepared, unlit_luma));
+}
+
+fn any_hostile(c: vec3f) -> bool {
+    return is_hostile(c.r) || is_hostile(c.g) || is_hostile(c.b);
+}
+
+fn repaired(c: vec3f) -> vec3f {
+    return vec3f(repair(c.r), repair(c.g), repair(c.b));
 }

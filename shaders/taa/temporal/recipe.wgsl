@@ -13,6 +13,7 @@ override chroma_from_luma: bool;
 override unjitter_neighbourhood: bool;
 override variance_window: u32;
 override variance_gamma: f32;
+override prefilter_moments: bool;
 override intersect_minmax: bool;
 override rectify: u32;
 override reject_depth: bool;
@@ -28,6 +29,8 @@ override motion_weight: bool;
 override motion_weight_from_px: f32;
 override motion_weight_to_px: f32;
 override hdr_weight: u32;
+override sharpen: u32;
+override sharpen_strength: f32;
 override motion_blur: bool;
 
 struct Frame {
@@ -38,9 +41,11 @@ struct Frame {
     jitter_px: vec2f,
     // 0 in the first frame and after a reset.
     has_history: u32,
+    // Distance of the far plane in units of depth, finite.
+    far: f32,
 }
 
-// Current colour in the working domain, repaired.
+// Current colour in the working domain, repaired; in alpha the luma of the unlit colour, for recipes that read it.
 @group(0) @binding(0) var color: texture_2d<f32>;
 @group(0) @binding(1) var depth: texture_2d<f32>;
 @group(0) @binding(2) var previous_depth: texture_2d<f32>;

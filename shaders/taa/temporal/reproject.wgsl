@@ -30,6 +30,10 @@ fn previous_view_depth(p: vec2i) -> f32 {
     return depth_or_sky(textureLoad(previous_depth, clamped(p), 0).r);
 }
 
+fn object_id_at(p: vec2i) -> u32 {
+    return textureLoad(object_id, clamp(p, vec2i(0), vec2i(textureDimensions(object_id)) - 1), 0).r;
+}
+
 struct Motion {
     // The texel whose vector it is.
     texel: vec2i,
@@ -92,7 +96,7 @@ fn reprojected(p: vec2i) -> Reprojection {
         has_history = depth_fits(m.texel, q);
     }
     if (reject_id && has_history) {
-        has_history = textureLoad(object_id, p, 0).r == textureLoad(previous_object_id, clamped(vec2i(floor(q))), 0).r;
+        has_history = object_id_at(p) == textureLoad(previous_object_id, clamped(vec2i(floor(q))), 0).r;
     }
     return Reprojection(q, m, has_history);
 }

@@ -5,7 +5,7 @@ override WORKGROUP_X: u32 = 8u;
 override WORKGROUP_Y: u32 = 8u;
 
 @group(0) @binding(10) var next_history: HistoryStore;
-// Linear RGB, after the output stage; never fed back.
+// Linear RGB, after the output stage; where a pass for sharpening follows, what that needs: the working domain's colour.
 @group(0) @binding(11) var shown: texture_storage_2d<rgba32float, write>;
 // How many samples each pixel of history holds.
 @group(0) @binding(12) var n_samples: texture_2d<f32>;
@@ -17,7 +17,7 @@ fn accumulated(p: vec2i, at: Reprojection, current: vec3f, n: f32) -> vec3f {
     var h = unrectified;
     var bounds = ColorBox();
     if (neighbourhood != NEIGHBOURHOOD_NONE) {
-        bounds = color_box(p, current);
+        bounds = color_box(p, current, at);
         h = from_space(rectified(rectify, to_space(unrectified), to_space(current), bounds, domain));
     }
     return blend(h, current, blend_weight(p, current, h, to_space(unrectified), bounds, at.motion, n));
@@ -31,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let p = vec2i(id.xy);
     let current = current_color(p);
     var at = Reprojection();
-    if (history_filter != HISTORY_NONE || motion_blur) {
+    if (history_filter != HISTORY_NONE || motion_blur && sharpen == SHARPEN_NONE) {
         at = reprojected(p);
     }
     var resolved = current;
@@ -47,8 +47,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (counts_samples()) {
         textureStore(next_n_samples, id.xy, vec4f(n));
     }
-    if (motion_blur) {
-        resolved = blur_along_motion(p, resolved, at.motion);
+    if (sharpen == SHARPEN_NONE) {
+        if (motion_blur) {
+            resolved = blur_along_motion(p, resolved, at.motion);
+        }
+        resolved = from_domain(resolved, domain);
     }
-    textureStore(shown, id.xy, vec4f(from_domain(resolved, domain), 1.0));
+    textureStore(shown, id.xy, vec4f(resolved, 1.0));
 }

@@ -68,6 +68,8 @@ pub enum Neighbourhood {
     Rounded,
     /// Mean ± `variance_gamma` standard deviations of `variance_window`² texels.
     Variance,
+    /// As wide as edges, depths and objects around the pixel say that it is aliased.
+    Sobel,
 }
 
 /// What is done to history outside the box.
@@ -125,4 +127,18 @@ pub enum Domain {
     Linear,
     /// `c / (1 + max(r, g, b))`.
     Tonemapped,
+}
+
+/// How the shown image is sharpened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sharpen {
+    /// Not at all.
+    None,
+    /// The kernel 5 in the centre, -1 in the cross.
+    Xu,
+    /// The kernel 2 in the centre, -¼ in the cross.
+    Normalised,
+    /// As much as the contrast of the cross allows without ringing.
+    Rcas,
 }

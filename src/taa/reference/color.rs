@@ -16,7 +16,7 @@ pub struct Color<R>(pub [R; 3]);
 pub const F16_MAX: f64 = 65504.0;
 
 /// Where the tone map's inverse still is finite: `1 - 2⁻¹¹`.
-const TONEMAPPED_MAX: f64 = 1.0 - 1.0 / 2048.0;
+pub const TONEMAPPED_MAX: f64 = 1.0 - 1.0 / 2048.0;
 
 impl<R: Real> Color<R> {
     /// The same value in every channel.
@@ -153,13 +153,30 @@ fn repair(x: f32) -> f32 {
     }
 }
 
-/// Repairs a frame's colour and maps it into `domain`; also the number of texels that needed repair.
-pub fn prepare<R: Real>(color: &Image<Rgb>, domain: Domain) -> (Image<Color<R>>, u64) {
-    let n_repaired = color
-        .pixels()
-        .iter()
-        .filter(|rgb| rgb.iter().any(|&channel| is_hostile(channel)))
-        .count();
-    let prepared = color.map(|rgb| Color(rgb.map(|channel| R::new(f64::from(repair(channel))))).to_domain(domain));
-    (prepared, n_repaired as u64)
+/// A frame's colour, repaired and in its domain.
+#[derive(Clone, Debug)]
+pub struct Prepared<R> {
+    /// In the working domain.
+    pub color: Image<Color<R>>,
+    /// Luma of the albedo; of the colour itself where there is none.
+    pub unlit_luma: Image<R>,
+    /// Texels whose colour or albedo needed repair.
+    pub repaired_texels: u64,
+}
+
+/// Repairs a frame's colour, and its albedo where that is read, and maps the colour into `domain`.
+pub fn prepare<R: Real>(color: &Image<Rgb>, albedo: Option<&Image<Rgb>>, domain: Domain) -> Prepared<R> {
+    let any_hostile = |rgb: &Rgb| rgb.iter().any(|&channel| is_hostile(channel));
+    let repaired = |rgb: Rgb| Color(rgb.map(|channel| R::new(f64::from(repair(channel)))));
+    let needed_repair =
+        |i: &usize| any_hostile(&color.pixels()[*i]) || albedo.is_some_and(|albedo| any_hostile(&albedo.pixels()[*i]));
+    let prepared = color.map(|rgb| repaired(rgb).to_domain(domain));
+    Prepared {
+        unlit_luma: match albedo {
+            Some(albedo) => albedo.map(|rgb| repaired(rgb).luma()),
+            None => prepared.map(Color::luma),
+        },
+        color: prepared,
+        repaired_texels: (0..color.pixels().len()).filter(needed_repair).count() as u64,
+    }
 }

@@ -8,11 +8,12 @@ pub mod real;
 mod rectify;
 mod reproject;
 mod sampling;
+mod sobel2018;
 mod weight;
 
 use super::{
     Precision, Recipe, Source,
-    recipe::{HdrWeight, HistoryFilter, InputFilter, Weight},
+    recipe::{HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Weight},
 };
 use crate::{image::Image, sequence::Frame};
 use color::{Color, F16_MAX};
@@ -35,6 +36,8 @@ struct Previous<R> {
     history: Image<Color<R>>,
     /// How many samples each pixel of history holds.
     n_samples: Image<R>,
+    /// Where the recipe finds edges.
+    edges: Option<sobel2018::Scalars<R>>,
     depth: Option<Image<f32>>,
     object_id: Option<Image<u32>>,
 }
@@ -44,7 +47,7 @@ struct Previous<R> {
 pub struct Resolved<R> {
     /// The image to show: linear RGB after the output stage.
     pub shown: Image<[R; 3]>,
-    /// Texels whose colour had a hostile component.
+    /// Texels whose colour, or albedo where that is read, had a hostile component.
     pub repaired_texels: u64,
 }
 
@@ -80,26 +83,31 @@ impl<R: Real> Twin<R> {
             (Source::UnjitteredIfPresent, Some(unjittered)) => unjittered,
             _ => &frame.color,
         };
-        let (color, repaired_texels) = color::prepare(source, self.recipe.domain);
+        let albedo = frame.albedo.as_ref().filter(|_| self.recipe.optional_channels().albedo);
+        let prepared = color::prepare(source, albedo, self.recipe.domain);
         let previous = self.previous.take().filter(|_| frame.index > 0 && !frame.reset);
         let jitter_px = frame.jitter_px.map(R::new);
-        let extent = color.extent();
+        let extent = frame.extent();
         let mut pixels = Pixels {
             recipe: &self.recipe,
             frame,
             jitter_px,
             input_weights: blackman_harris(jitter_px),
-            color: &color,
+            color: &prepared.color,
             previous: previous.as_ref(),
             differences: None,
+            stable_edges: None,
         };
+        if self.recipe.neighbourhood == Neighbourhood::Sobel {
+            pixels.stable_edges = Some(pixels.stabilised(&pixels.edges(&prepared.unlit_luma)));
+        }
         if self.recipe.weight == Weight::Amortized {
             pixels.differences = Some(Image::from_fn(extent, |x, y| pixels.difference([x.into(), y.into()])));
         }
         let sampled = Image::from_fn(extent, |x, y| pixels.resolve([x.into(), y.into()]));
         let resolved = sampled.map(|(color, _)| color);
         let shown = Image::from_fn(extent, |x, y| {
-            let shown = pixels.output([x.into(), y.into()], resolved.at(x, y));
+            let shown = pixels.output([x.into(), y.into()], &resolved);
             shown.from_domain(self.recipe.domain).0
         });
         self.previous = Some(Previous {
@@ -108,10 +116,17 @@ impl<R: Real> Twin<R> {
                 Precision::F32 => resolved,
             },
             n_samples: sampled.map(|(_, n)| n),
+            edges: pixels
+                .stable_edges
+                .as_ref()
+                .map(|edges| sobel2018::stored(edges, self.precision)),
             depth: frame.depth.clone(),
             object_id: frame.object_id.clone(),
         });
-        Resolved { shown, repaired_texels }
+        Resolved {
+            shown,
+            repaired_texels: prepared.repaired_texels,
+        }
     }
 }
 
@@ -127,6 +142,8 @@ struct Pixels<'a, R> {
     previous: Option<&'a Previous<R>>,
     /// History less current colour, where the weight needs it.
     differences: Option<Image<Color<R>>>,
+    /// Where the box needs it.
+    stable_edges: Option<sobel2018::Scalars<R>>,
 }
 
 impl<R: Real> Pixels<'_, R> {
@@ -179,7 +196,7 @@ impl<R: Real> Pixels<'_, R> {
     ) -> Color<R> {
         let recipe = self.recipe;
         let unrectified = sampling::history(history, at.q, recipe.history_filter, recipe.deringing);
-        let bounds = neighbourhood::color_box(self.color, p, current, self.jitter_px, recipe);
+        let bounds = self.color_box(p, current);
         let rectified = match &bounds {
             None => unrectified,
             Some(bounds) => rectify::rectify(

@@ -1,10 +1,7 @@
 //! The colour box around a pixel: the twin of `shaders/taa/temporal/neighbourhood.wgsl`.
 
-use super::{color::Color, real::Real, sampling::bilinear};
-use crate::{
-    image::Image,
-    taa::recipe::{Neighbourhood, Recipe},
-};
+use super::{Pixels, RING, color::Color, real::Real, sampling::bilinear};
+use crate::taa::recipe::Neighbourhood;
 
 /// The range that history may lie in, and the mean, in the recipe's colour space.
 #[derive(Clone, Copy, Debug)]
@@ -19,46 +16,46 @@ pub struct ColorBox<R> {
 
 const CROSS: [[i64; 2]; 5] = [[0, -1], [-1, 0], [0, 0], [1, 0], [0, 1]];
 
-/// The box around pixel `p`, whose current colour is `current` (RGB), or none where the recipe has none.
-pub fn color_box<R: Real>(
-    image: &Image<Color<R>>,
-    p: [i64; 2],
-    current: Color<R>,
-    jitter_px: [R; 2],
-    recipe: &Recipe,
-) -> Option<ColorBox<R>> {
-    let texel = |[x, y]: [i64; 2]| {
-        let [x, y] = [p[0] + x, p[1] + y];
-        let rgb = if recipe.unjitter_neighbourhood {
-            let [jx, jy] = jitter_px;
-            bilinear(image, [R::new(x as f64 + 0.5) - jx, R::new(y as f64 + 0.5) - jy])
-        } else {
-            image.clamped(x, y)
-        };
-        rgb.to_space(recipe.space)
-    };
-    let cross = || minmax(CROSS.into_iter().map(texel));
-    let box3 = || minmax(window(3).map(texel));
-    let bounds = match recipe.neighbourhood {
-        Neighbourhood::None => return None,
-        Neighbourhood::Cross => cross(),
-        Neighbourhood::Box3 => box3(),
-        Neighbourhood::Rounded => cross().average(box3()),
-        Neighbourhood::Variance => {
-            let texels = window(recipe.variance_window).map(texel);
-            let bounds = variance(texel([0, 0]), texels, R::new(recipe.variance_gamma));
-            if recipe.intersect_minmax {
-                bounds.intersect(box3())
+/// The cross and the 3×3.
+pub const RINGS: [&[[i64; 2]]; 2] = [&CROSS, &RING];
+
+impl<R: Real> Pixels<'_, R> {
+    /// The box around pixel `p`, whose current colour is `current` (RGB), or none where the recipe has none.
+    pub fn color_box(&self, p: [i64; 2], current: Color<R>) -> Option<ColorBox<R>> {
+        let recipe = self.recipe;
+        let texel = |[i, j]: [i64; 2]| {
+            let [x, y] = [p[0] + i, p[1] + j];
+            let rgb = if recipe.unjitter_neighbourhood {
+                bilinear(self.color, self.unjittered(x, y))
             } else {
-                bounds
+                self.color.clamped(x, y)
+            };
+            rgb.to_space(recipe.space)
+        };
+        let cross = || minmax(CROSS.into_iter().map(texel));
+        let box3 = || minmax(window(3).map(texel));
+        let bounds = match recipe.neighbourhood {
+            Neighbourhood::None => return None,
+            Neighbourhood::Cross => cross(),
+            Neighbourhood::Box3 => box3(),
+            Neighbourhood::Rounded => cross().average(box3()),
+            Neighbourhood::Variance => {
+                let texels = window(recipe.variance_window).map(texel);
+                let bounds = variance(texel([0, 0]), texels, R::new(recipe.variance_gamma));
+                if recipe.intersect_minmax {
+                    bounds.intersect(box3())
+                } else {
+                    bounds
+                }
             }
-        }
-    };
-    Some(if recipe.chroma_from_luma {
-        bounds.narrow_chroma(current.to_space(recipe.space))
-    } else {
-        bounds
-    })
+            Neighbourhood::Sobel => self.sobel_box(p, current.to_space(recipe.space), cross(), box3()),
+        };
+        Some(if recipe.chroma_from_luma {
+            bounds.narrow_chroma(current.to_space(recipe.space))
+        } else {
+            bounds
+        })
+    }
 }
 
 /// Offsets of n×n texels, row by row.
@@ -68,7 +65,7 @@ fn window(n: u32) -> impl Iterator<Item = [i64; 2]> {
 }
 
 /// Minimum, maximum and mean of at least one texel.
-fn minmax<R: Real>(mut texels: impl Iterator<Item = Color<R>>) -> ColorBox<R> {
+pub fn minmax<R: Real>(mut texels: impl Iterator<Item = Color<R>>) -> ColorBox<R> {
     let first = texels.next().unwrap_or_default();
     let (mut lo, mut hi, mut sum, mut n) = (first, first, first, 1);
     for c in texels {
@@ -99,7 +96,7 @@ fn variance<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>>, g
 
 impl<R: Real> ColorBox<R> {
     /// Bounds and mean half-way between both.
-    fn average(self, other: Self) -> Self {
+    pub fn average(self, other: Self) -> Self {
         let average = |a: Color<R>, b: Color<R>| (a + b) * R::new(0.5);
         Self {
             lo: average(self.lo, other.lo),

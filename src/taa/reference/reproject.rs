@@ -103,7 +103,8 @@ impl<R: Real> Pixels<'_, R> {
     }
 }
 
-fn depth_or_sky(z: f32) -> f64 {
+/// What is not finite and positive is sky.
+pub fn depth_or_sky(z: f32) -> f64 {
     f64::from(if z.is_finite() && z > 0.0 { z } else { SKY_DEPTH })
 }
 

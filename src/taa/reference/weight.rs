@@ -33,16 +33,7 @@ impl<R: Real> Pixels<'_, R> {
         let c = R::new;
         let weight = match recipe.weight {
             Weight::Fixed => c(recipe.current_weight),
-            Weight::LumaFeedback => {
-                let (l0, l1) = (current.luma(), rectified.luma());
-                let agreement = c(1.0) - (l0 - l1).abs() / l0.max(l1).max(c(0.2));
-                c(1.0)
-                    - mix(
-                        c(recipe.luma_feedback_lo),
-                        c(recipe.luma_feedback_hi),
-                        agreement * agreement,
-                    )
-            }
+            Weight::LumaFeedback => self.luma_feedback(current.luma(), rectified.luma()),
             Weight::Antiflicker => {
                 let bounds = bounds.expect("validated: the weight needs a box");
                 let base = mix(c(0.04), c(0.2), (motion.length_px / c(40.0)).saturate());
@@ -65,6 +56,14 @@ impl<R: Real> Pixels<'_, R> {
         }
         let (from, to) = (c(recipe.motion_weight_from_px), c(recipe.motion_weight_to_px));
         weight.max(((motion.length_px - from) / (to - from)).saturate())
+    }
+
+    /// The current colour counts more where the lumas of both still differ.
+    pub fn luma_feedback(&self, of_current: R, of_history: R) -> R {
+        let c = R::new;
+        let agreement = c(1.0) - (of_current - of_history).abs() / of_current.max(of_history).max(c(0.2));
+        let (lo, hi) = (self.recipe.luma_feedback_lo, self.recipe.luma_feedback_hi);
+        c(1.0) - mix(c(lo), c(hi), agreement * agreement)
     }
 
     /// Yang et al. 2009: shorter histories where they differ from the present on average, and where the fraction of the

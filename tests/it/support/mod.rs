@@ -4,7 +4,7 @@ use afterimage::{
     gpu::{Gpu, ReadbackPool, Texture, Timer},
     image::{Extent, Image},
     metrics::{Display, FrameScores, Metric, gpu::GpuMetrics},
-    sequence::{Frame, frame::Rgb},
+    sequence::{Channels, Frame, frame::Rgb},
     taa::{Inputs, Precision, Recipe, Resolver},
 };
 use std::{
@@ -73,6 +73,13 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         _ => [0.37, 0.11 * noise(x, y, 4)],
     });
     let object_id = Image::from_fn(extent, |x, y| 1 + u32::from(on_box(x, y)) + (x + index as u32) / 24 * 2);
+    let albedo = Image::from_fn(extent, |x, y| {
+        match (index % 7 == 3 && noise(x, y, 78) < 0.01, on_box(x, y)) {
+            (true, _) => [0.5, f32::NAN, -0.5],
+            (_, true) => [0.9, 0.2, 0.1],
+            _ => [0.5 * noise(x / 4, y / 4, 6); 3],
+        }
+    });
     let reactive = Image::from_fn(extent, |x, y| match (hostile(x, y), noise(x / 3, y / 3, 5)) {
         (true, _) => f32::NAN,
         (_, mask) => 4.0 * mask - 3.0,
@@ -86,7 +93,7 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         depth: Some(depth),
         motion_px: Some(motion),
         object_id: Some(object_id),
-        albedo: None,
+        albedo: Some(albedo),
         reactive: Some(reactive),
         unjittered_color: None,
         reference: None,
@@ -102,9 +109,15 @@ pub fn resolve_on_gpu(
     let gpu = gpu();
     let pool = ReadbackPool::default();
     let mut frames = frames.peekable();
-    let extent = frames.peek().expect("a frame").extent();
-    let wanted = BTreeSet::from([(recipe.source, recipe.domain)]);
-    let mut inputs = Inputs::new(gpu, extent, recipe.required_channels(), &wanted).unwrap();
+    let first = frames.peek().expect("a frame");
+    let (extent, optional) = (first.extent(), recipe.optional_channels());
+    let channels = recipe.required_channels().union(Channels {
+        albedo: optional.albedo && first.albedo.is_some(),
+        object_id: optional.object_id && first.object_id.is_some(),
+        ..Channels::default()
+    });
+    let wanted = BTreeSet::from([recipe.preparation()]);
+    let mut inputs = Inputs::new(gpu, extent, channels, &wanted).unwrap();
     let mut resolver = Resolver::new(gpu, recipe.clone(), precision, extent).unwrap();
     let mut timer = Timer::new(gpu, 1 + recipe.passes().len() as u32);
     frames
@@ -115,7 +128,7 @@ pub fn resolve_on_gpu(
             resolver.resolve(gpu, &mut encoder, &inputs, &mut timer, 1).unwrap();
             let mut readback = pool.begin();
             let shown = readback.copy_texture(gpu, &mut encoder, resolver.shown());
-            let count = inputs.repaired_texels(recipe.source, recipe.domain);
+            let count = inputs.repaired_texels(recipe.preparation());
             let count = readback.copy_buffer(gpu, &mut encoder, count, 4);
             timer.finish(gpu, &mut encoder, &mut readback);
             let submission = gpu.queue.submit([encoder.finish()]);

@@ -1,0 +1,60 @@
+//! The edges that widen the box `sobel` (`shaders/taa/sobel2018`): found in the frame, then made stable over time.
+
+use super::{Carried, Inputs, Recipe, recorder::Recorder, temporal::Builder};
+use crate::gpu::{GpuError, Pass, Texture};
+use wgpu::TextureFormat;
+
+const EDGES: &str = include_str!("../../shaders/taa/sobel2018/edges.wgsl");
+const STABILISE: &str = include_str!("../../shaders/taa/sobel2018/stabilise.wgsl");
+
+#[derive(Debug)]
+pub struct Edges {
+    find: Pass,
+    stabilise: Pass,
+    edges: Texture,
+    /// 32-bit whatever the precision, because adapters need not store one channel of f16; rounded to it all the same.
+    history: Carried,
+    stable: Texture,
+}
+
+impl Edges {
+    pub const PASSES: [&str; 2] = ["edges", "stabilise"];
+
+    pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
+        let [find, stabilise] = Self::PASSES;
+        let find = builder.pass(find, EDGES, &[])?;
+        let stabilise = builder.pass(stabilise, STABILISE, &[])?;
+        let (gpu, extent) = (builder.gpu, builder.extent);
+        let scalar = |label| Texture::new(gpu, label, extent, TextureFormat::R32Float);
+        gpu.scope("making room for edges", || Self {
+            find,
+            stabilise,
+            edges: scalar("edges"),
+            history: Carried::new(gpu, "edge history", extent, TextureFormat::R32Float),
+            stable: scalar("stable edges"),
+        })
+    }
+
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, recipe: &Recipe, inputs: &Inputs) -> Result<(), GpuError> {
+        self.history.advance();
+        let find = inputs
+            .bind_to(&self.find, recipe)
+            .bind("edges", &self.edges)
+            .over(recorder.gpu, inputs.extent())?;
+        recorder.record(&find);
+        let stabilise = inputs
+            .bind_to(&self.stabilise, recipe)
+            .bind("edges", &self.edges)
+            .bind("edge_history", self.history.previous())
+            .bind("next_edge_history", self.history.current())
+            .bind("stabilised", &self.stable)
+            .over(recorder.gpu, inputs.extent())?;
+        recorder.record(&stabilise);
+        Ok(())
+    }
+
+    /// How strong the edge through each pixel is, 0 to 1.
+    pub fn stable(&self) -> &Texture {
+        &self.stable
+    }
+}

@@ -1,0 +1,77 @@
+//! Mean and variance of a window of any size, by two separable passes.
+
+use super::Builder;
+use crate::{
+    gpu::{GpuError, Pass, Texture},
+    image::Extent,
+    taa::{Inputs, Recipe, recorder::Recorder},
+};
+
+const MOMENTS: &str = include_str!("../../../shaders/taa/temporal/moments.wgsl");
+
+#[derive(Debug)]
+pub struct Moments {
+    along_rows: Pass,
+    along_columns: Pass,
+    rows: Distribution,
+    windows: Distribution,
+}
+
+#[derive(Debug)]
+struct Distribution {
+    means: Texture,
+    variances: Texture,
+}
+
+impl Moments {
+    pub const PASSES: [&str; 2] = ["moments_rows", "moments_columns"];
+
+    pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
+        let [rows, columns] = Self::PASSES;
+        let along_rows = builder.pass(rows, MOMENTS, &[("vertical", 0.0)])?;
+        let along_columns = builder.pass(columns, MOMENTS, &[("vertical", 1.0)])?;
+        let distribution = || Distribution {
+            means: builder.color("means"),
+            variances: builder.color("variances"),
+        };
+        builder.gpu.scope("making room for moments", || Self {
+            along_rows,
+            along_columns,
+            rows: distribution(),
+            windows: distribution(),
+        })
+    }
+
+    pub fn record(&self, recorder: &mut Recorder<'_>, recipe: &Recipe, inputs: &Inputs) -> Result<(), GpuError> {
+        let Extent { width, height } = inputs.extent();
+        let n = recipe.variance_window;
+        // The pass over rows reads none, but a texture that is written may not be bound for reading as well.
+        let rows = inputs
+            .bind_to(&self.along_rows, recipe)
+            .bind("row_means", &self.windows.means)
+            .bind("row_variances", &self.windows.variances)
+            .bind("means", &self.rows.means)
+            .bind("variances", &self.rows.variances)
+            .over(recorder.gpu, Extent::new(width.div_ceil(n), height))?;
+        recorder.record(&rows);
+        let columns = inputs
+            .bind_to(&self.along_columns, recipe)
+            .bind("row_means", &self.rows.means)
+            .bind("row_variances", &self.rows.variances)
+            .bind("means", &self.windows.means)
+            .bind("variances", &self.windows.variances)
+            .over(recorder.gpu, Extent::new(width, height.div_ceil(n)))?;
+        recorder.record(&columns);
+        Ok(())
+    }
+
+    /// The mean of each pixel's window.
+    pub fn means(&self) -> &Texture {
+        &self.windows.means
+    }
+
+    /// The variance of each pixel's window.
+    pub fn variances(&self) -> &Texture {
+        &self.windows.variances
+    }
+}
