@@ -17,7 +17,7 @@ use afterimage::{
     run::{self, MetricsOn, Observer, PresetSpec, RunSpec},
     sequence::{Frame, Sequence, frame::Rgb},
     taa::{
-        Inputs, PRESETS, Precision, Preset, Resolver,
+        Inputs, PRESETS, Precision, Preset, Repeat, Resolver,
         reference::{Twin, real::Real},
     },
 };
@@ -92,7 +92,8 @@ fn agreement(gpu: &Gpu, sequence: &Sequence) -> anyhow::Result<()> {
     let display = sequence.display();
     for (index, preset) in PRESETS.iter().enumerate() {
         let mut twin = Twin::<f64>::new(preset.recipe.clone(), Precision::F32);
-        let channels = preset.recipe.required_channels();
+        let optional = preset.recipe.optional_channels().intersection(sequence.available());
+        let channels = preset.recipe.required_channels().union(optional);
         let (mut max, mut sum, mut n_beyond, mut n) = (0.0_f64, 0.0, 0_usize, 0_usize);
         for frame_index in 0..sequence.n_frames() {
             let expected = twin.resolve(&sequence.load(frame_index, channels)?).shown;
@@ -114,7 +115,7 @@ fn agreement(gpu: &Gpu, sequence: &Sequence) -> anyhow::Result<()> {
             }
         }
         println!(
-            "  {:<10} max {max:.1e}  mean {:.1e}  beyond {:.4} %",
+            "  {:<14} max {max:.1e}  mean {:.1e}  beyond {:.4} %",
             preset.id,
             sum / n as f64,
             100.0 * n_beyond as f64 / n as f64
@@ -189,8 +190,8 @@ fn speed(gpu: &Gpu) -> anyhow::Result<()> {
                 inputs.upload(gpu, frame)?;
             }
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            inputs.prepare(gpu, &mut encoder, &mut timer, 1)?;
-            resolver.resolve(gpu, &mut encoder, &inputs, &mut timer, 1)?;
+            inputs.prepare(gpu, &mut encoder, &mut timer, Repeat::Timed(1))?;
+            resolver.resolve(gpu, &mut encoder, &inputs, &mut timer, Repeat::Timed(1))?;
             gpu.wait(gpu.queue.submit([encoder.finish()]))?;
             Ok(())
         };

@@ -273,13 +273,27 @@ pub struct Dispatch<'a> {
 impl Dispatch<'_> {
     /// Records the pass, timed where `timestamps` is given.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>) {
+        self.record_workgroups(encoder, timestamps, self.workgroups);
+    }
+
+    /// Records the pass over its first workgroup alone.
+    pub fn record_corner(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.record_workgroups(encoder, None, [1, 1]);
+    }
+
+    fn record_workgroups(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
+        [x, y]: [u32; 2],
+    ) {
         let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some(&self.pass.label),
             timestamp_writes: timestamps,
         });
         compute.set_pipeline(&self.pass.pipeline);
         compute.set_bind_group(0, &self.bind_group, &[]);
-        compute.dispatch_workgroups(self.workgroups[0], self.workgroups[1], 1);
+        compute.dispatch_workgroups(x, y, 1);
     }
 }
 

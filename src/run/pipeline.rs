@@ -13,8 +13,9 @@ use crate::{
     gpu::{Gpu, Readback, ReadbackPool, Timer},
     metrics::gpu::{GpuMetrics, Recorded},
     sequence::{Frame, Sequence, SequenceError},
-    taa::{Inputs, Resolver},
+    taa::{Inputs, Repeat, Resolver},
 };
+use rayon::prelude::*;
 use std::{
     sync::mpsc::{Receiver, SyncSender, sync_channel},
     thread::{self, ScopedJoinHandle},
@@ -126,7 +127,7 @@ impl<'a> Stage<'a> {
         }
         let resolvers = plan
             .systems
-            .iter()
+            .par_iter()
             .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, extent))
             .collect::<Result<_, _>>()?;
         let on_gpu = match spec.metrics_on {
@@ -147,9 +148,9 @@ impl<'a> Stage<'a> {
             timer: Timer::new(gpu, 0),
             pool: ReadbackPool::default(),
         };
-        // Drivers compile at the first dispatch: that run is not timed, and the first frame overwrites what it left.
+        // What this leaves in histories, the first frame does not read.
         let mut encoder = stage.encoder();
-        stage.record(&mut encoder, 1)?;
+        stage.record(&mut encoder, Repeat::WarmUp)?;
         gpu.wait(gpu.queue.submit([encoder.finish()]))?;
         let [once, per_system] = stage.metrics.as_ref().map_or([0, 0], GpuMetrics::n_passes);
         stage.timer = Timer::new(
@@ -192,7 +193,7 @@ impl<'a> Stage<'a> {
         uploaded?;
         let cpu_before = thread_cpu_ms();
         let mut encoder = self.encoder();
-        self.record(&mut encoder, self.plan.repeat)?;
+        self.record(&mut encoder, Repeat::Timed(self.plan.repeat))?;
         let mut readback = self.pool.begin();
         let recorded = self.record_metrics(&mut encoder, &mut readback, &frame)?;
         let gpu = self.gpu;
@@ -226,7 +227,7 @@ impl<'a> Stage<'a> {
         })
     }
 
-    fn record(&mut self, encoder: &mut wgpu::CommandEncoder, repeat: u32) -> Result<(), RunError> {
+    fn record(&mut self, encoder: &mut wgpu::CommandEncoder, repeat: Repeat) -> Result<(), RunError> {
         self.inputs.prepare(self.gpu, encoder, &mut self.timer, repeat)?;
         for resolver in &mut self.resolvers {
             resolver.resolve(self.gpu, encoder, &self.inputs, &mut self.timer, repeat)?;

@@ -128,16 +128,14 @@ fn check_sizes(sequence: &Sequence) -> Result<(), RunError> {
 }
 
 fn channels(systems: &[System], available: Channels, wants_reference: bool) -> Channels {
-    let wanted = systems.iter().fold(Channels::default(), |all, System { recipe, .. }| {
-        all.union(recipe.required_channels()).union(recipe.optional_channels())
-    });
-    Channels {
-        albedo: wanted.albedo && available.albedo,
-        object_id: wanted.object_id && available.object_id,
-        unjittered_color: wanted.unjittered_color && available.unjittered_color,
+    let reference = Channels {
         reference: wants_reference,
-        ..wanted
-    }
+        ..Channels::default()
+    };
+    systems.iter().fold(reference, |all, System { recipe, .. }| {
+        let optional = recipe.optional_channels().intersection(available);
+        all.union(recipe.required_channels()).union(optional)
+    })
 }
 
 fn missing(required: Channels, available: Channels) -> Vec<&'static str> {

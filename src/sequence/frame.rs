@@ -27,14 +27,23 @@ pub struct Channels {
 impl Channels {
     /// Everything that either wants. Colour is always loaded.
     pub fn union(self, other: Self) -> Self {
+        self.zip(other, |a, b| a | b)
+    }
+
+    /// What both have.
+    pub fn intersection(self, other: Self) -> Self {
+        self.zip(other, |a, b| a & b)
+    }
+
+    fn zip(self, other: Self, f: impl Fn(bool, bool) -> bool) -> Self {
         Self {
-            depth: self.depth | other.depth,
-            motion: self.motion | other.motion,
-            object_id: self.object_id | other.object_id,
-            albedo: self.albedo | other.albedo,
-            reactive: self.reactive | other.reactive,
-            unjittered_color: self.unjittered_color | other.unjittered_color,
-            reference: self.reference | other.reference,
+            depth: f(self.depth, other.depth),
+            motion: f(self.motion, other.motion),
+            object_id: f(self.object_id, other.object_id),
+            albedo: f(self.albedo, other.albedo),
+            reactive: f(self.reactive, other.reactive),
+            unjittered_color: f(self.unjittered_color, other.unjittered_color),
+            reference: f(self.reference, other.reference),
         }
     }
 }

@@ -1,7 +1,11 @@
 //! A frame on the device. Uploaded once, whatever the number of recipes; colour is repaired and mapped into each
 //! working domain once, too.
 
-use super::{Carried, Preparation, Recipe, Source, recipe::InputFilter, recorder::Recorder};
+use super::{
+    Carried, Preparation, Recipe, Source,
+    recipe::InputFilter,
+    recorder::{Recorder, Repeat},
+};
 use crate::{
     gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer},
     image::Extent,
@@ -113,13 +117,13 @@ impl Inputs {
         })
     }
 
-    /// Records the preparation of every colour wanted, in their order, `repeat` times each.
+    /// Records the preparation of every colour wanted, in their order, as often as `repeat` says.
     pub fn prepare(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         timer: &mut Timer,
-        repeat: u32,
+        repeat: Repeat,
     ) -> Result<(), GpuError> {
         let mut recorder = Recorder {
             gpu,

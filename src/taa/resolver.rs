@@ -2,7 +2,7 @@
 
 use super::{
     Inputs, Precision, Recipe,
-    recorder::Recorder,
+    recorder::{Recorder, Repeat},
     temporal::{Builder, Temporal},
 };
 use crate::{
@@ -40,7 +40,7 @@ impl Resolver {
         &self.recipe
     }
 
-    /// Records the passes of [`Recipe::passes`] for the frame in `inputs`, `repeat` times each: what is read is never
+    /// Records the passes of [`Recipe::passes`] for the frame in `inputs`, as often as `repeat` says: what is read is never
     /// written, so that running one again changes nothing.
     pub fn resolve(
         &mut self,
@@ -48,7 +48,7 @@ impl Resolver {
         encoder: &mut wgpu::CommandEncoder,
         inputs: &Inputs,
         timer: &mut Timer,
-        repeat: u32,
+        repeat: Repeat,
     ) -> Result<(), GpuError> {
         let mut recorder = Recorder {
             gpu,

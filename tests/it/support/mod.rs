@@ -5,7 +5,7 @@ use afterimage::{
     image::{Extent, Image},
     metrics::{Display, FrameScores, Metric, gpu::GpuMetrics},
     sequence::{Channels, Frame, frame::Rgb},
-    taa::{Inputs, Precision, Recipe, Resolver},
+    taa::{Inputs, Precision, Recipe, Repeat, Resolver},
 };
 use std::{
     collections::BTreeSet,
@@ -124,8 +124,10 @@ pub fn resolve_on_gpu(
         .map(|frame| {
             inputs.upload(gpu, &frame).unwrap();
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            inputs.prepare(gpu, &mut encoder, &mut timer, 1).unwrap();
-            resolver.resolve(gpu, &mut encoder, &inputs, &mut timer, 1).unwrap();
+            inputs.prepare(gpu, &mut encoder, &mut timer, Repeat::Timed(1)).unwrap();
+            resolver
+                .resolve(gpu, &mut encoder, &inputs, &mut timer, Repeat::Timed(1))
+                .unwrap();
             let mut readback = pool.begin();
             let shown = readback.copy_texture(gpu, &mut encoder, resolver.shown());
             let count = inputs.repaired_texels(recipe.preparation());
