@@ -6,6 +6,7 @@
 
 mod carried;
 mod inputs;
+mod phlm2016;
 mod preset;
 pub mod recipe;
 mod recorder;
@@ -22,7 +23,7 @@ pub use resolver::Resolver;
 
 use crate::sequence::Channels;
 use carried::Carried;
-use recipe::{Dilation, Domain, HistoryFilter, Neighbourhood};
+use recipe::{Algorithm, Dilation, Domain, HistoryFilter, Neighbourhood};
 use serde::{Deserialize, Serialize};
 
 /// How history is stored between frames.
@@ -73,12 +74,18 @@ impl Recipe {
         let uses_motion = uses_history && self.reproject || self.motion_blur;
         Channels {
             motion: uses_motion,
-            depth: uses_motion && (self.dilation == Dilation::Closest || self.reject_depth)
-                || uses_history && self.neighbourhood == Neighbourhood::Sobel,
+            depth: uses_motion && (self.dilation == Dilation::Closest || self.reject_depth) || self.finds_edges(),
             object_id: uses_history && self.reject_id,
             reactive: uses_history && self.reactive,
             ..Channels::default()
         }
+    }
+
+    /// Whether its box depends on the frame's edges.
+    fn finds_edges(&self) -> bool {
+        self.algorithm == Algorithm::Temporal
+            && self.history_filter != HistoryFilter::None
+            && self.neighbourhood == Neighbourhood::Sobel
     }
 
     /// How its history is stored where the job asks for `precision`.
@@ -92,10 +99,9 @@ impl Recipe {
 
     /// The images it makes use of where a sequence has them.
     pub fn optional_channels(&self) -> Channels {
-        let finds_edges = self.history_filter != HistoryFilter::None && self.neighbourhood == Neighbourhood::Sobel;
         Channels {
-            albedo: finds_edges,
-            object_id: finds_edges,
+            albedo: self.finds_edges(),
+            object_id: self.finds_edges(),
             unjittered_color: self.source == Source::UnjitteredIfPresent,
             ..Channels::default()
         }

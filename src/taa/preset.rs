@@ -3,7 +3,8 @@
 use super::{
     Source,
     recipe::{
-        Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight,
+        Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen,
+        Space, Weight,
     },
 };
 use serde::Serialize;
@@ -31,6 +32,8 @@ pub struct UnknownPreset {
 
 /// What the presets share unless they say otherwise.
 const BASE: Recipe = Recipe {
+    algorithm: Algorithm::Temporal,
+    phlm_printed: false,
     source: Source::Color,
     domain: Domain::Linear,
     dilation: Dilation::None,
@@ -88,7 +91,7 @@ const SALVI: Recipe = Recipe {
 };
 
 /// Every published system, in the order of their publication.
-pub const PRESETS: [Preset; 13] = [
+pub const PRESETS: [Preset; 14] = [
     Preset {
         id: "none",
         description: "The engine's colour as it is: what anti-aliasing has to improve on",
@@ -205,6 +208,17 @@ pub const PRESETS: [Preset; 13] = [
             prefilter_moments: true,
             intersect_minmax: false,
             ..SALVI
+        },
+    },
+    Preset {
+        id: "phlm2016",
+        description: "A linear model for each pixel, fitted recursively to its past; a running mean where all is still",
+        publication: "Iglesias-Guitian et al., Pixel History Linear Models for Real-Time Temporal Filtering, 2016",
+        recipe: Recipe {
+            algorithm: Algorithm::Phlm2016,
+            domain: Domain::Tonemapped,
+            input_filter: InputFilter::Unjitter,
+            ..BASE
         },
     },
     Preset {

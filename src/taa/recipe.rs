@@ -5,7 +5,7 @@
 mod blocks;
 
 pub use blocks::{
-    Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space, Weight,
+    Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space, Weight,
 };
 
 use super::Source;
@@ -15,6 +15,10 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
+    /// See [`Algorithm`].
+    pub algorithm: Algorithm,
+    /// With `phlm2016`, refresh the feature by the formula as printed, a power too high and without a floor.
+    pub phlm_printed: bool,
     /// Which colour is resolved.
     pub source: Source,
     /// See [`Domain`].
@@ -158,6 +162,16 @@ impl Recipe {
             ),
             (unit(self.luma_feedback_lo), "luma_feedback_lo", "must be 0 to 1"),
             (unit(self.luma_feedback_hi), "luma_feedback_hi", "must be 0 to 1"),
+            (
+                self.algorithm == Algorithm::Temporal || !self.motion_blur && self.sharpen == Sharpen::None,
+                "algorithm",
+                "only `temporal` has `sharpen` and `motion_blur`",
+            ),
+            (
+                self.algorithm == Algorithm::Temporal || self.reproject && self.history_filter != HistoryFilter::None,
+                "algorithm",
+                "only `temporal` can do without reprojected history",
+            ),
             (unit(self.sharpen_strength), "sharpen_strength", "must be 0 to 1"),
             (
                 self.sharpen != Sharpen::Rcas || self.domain == Domain::Tonemapped,
@@ -205,6 +219,7 @@ impl Recipe {
         let number = f64::from;
         let flag = |set: bool| f64::from(u8::from(set));
         vec![
+            ("phlm_printed", flag(self.phlm_printed)),
             ("domain", number(self.domain as u32)),
             ("space", number(self.space as u32)),
             ("dilation", number(self.dilation as u32)),

@@ -2,6 +2,8 @@
 
 use super::{
     Inputs, Precision, Recipe,
+    phlm2016::Phlm,
+    recipe::Algorithm,
     recorder::{Recorder, Repeat},
     temporal::{Builder, Temporal},
 };
@@ -15,21 +17,32 @@ use wgpu::TextureFormat;
 #[derive(Debug)]
 pub struct Resolver {
     recipe: Recipe,
-    temporal: Temporal,
+    passes: Passes,
     shown: Texture,
+}
+
+/// The passes of one algorithm and what they keep from frame to frame.
+#[derive(Debug)]
+enum Passes {
+    Temporal(Box<Temporal>),
+    Phlm2016(Box<Phlm>),
 }
 
 impl Resolver {
     /// Compiles the passes of `recipe` and makes room for frames of `extent`.
     pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, extent: Extent) -> Result<Self, GpuError> {
-        let temporal = Temporal::new(Builder {
+        let builder = Builder {
             gpu,
             precision: recipe.precision(precision),
             recipe: &recipe,
             extent,
-        })?;
+        };
+        let passes = match recipe.algorithm {
+            Algorithm::Temporal => Passes::Temporal(Box::new(Temporal::new(builder)?)),
+            Algorithm::Phlm2016 => Passes::Phlm2016(Box::new(Phlm::new(builder)?)),
+        };
         gpu.scope("making room for the shown image", || Self {
-            temporal,
+            passes,
             shown: Texture::new(gpu, "shown", extent, TextureFormat::Rgba32Float),
             recipe,
         })
@@ -56,7 +69,10 @@ impl Resolver {
             timer,
             repeat,
         };
-        self.temporal.record(&mut recorder, &self.recipe, inputs, &self.shown)
+        match &mut self.passes {
+            Passes::Temporal(temporal) => temporal.record(&mut recorder, &self.recipe, inputs, &self.shown),
+            Passes::Phlm2016(phlm) => phlm.record(&mut recorder, &self.recipe, inputs, &self.shown),
+        }
     }
 
     /// The resolved image of the last frame after the output stage: linear RGB, `rgba32float`.
@@ -68,6 +84,9 @@ impl Resolver {
 impl Recipe {
     /// The names of the passes that a [`Resolver`] records for one frame, in order.
     pub fn passes(&self) -> Vec<&'static str> {
-        Temporal::passes(self)
+        match self.algorithm {
+            Algorithm::Temporal => Temporal::passes(self),
+            Algorithm::Phlm2016 => Phlm::PASSES.to_vec(),
+        }
     }
 }

@@ -5,7 +5,7 @@ mod moments;
 
 use super::{
     Carried, Inputs, Precision, Recipe,
-    recipe::{HistoryFilter, Neighbourhood, Sharpen, Weight},
+    recipe::{HistoryFilter, Sharpen, Weight},
     recorder::Recorder,
     sobel2018::Edges,
 };
@@ -60,6 +60,14 @@ impl Builder<'_> {
         )
     }
 
+    /// The format of a colour's history.
+    pub fn history_format(&self) -> TextureFormat {
+        match self.precision {
+            Precision::F16 => TextureFormat::Rgba16Float,
+            Precision::F32 => TextureFormat::Rgba32Float,
+        }
+    }
+
     /// A 32-bit colour image the size of the frame.
     pub fn color(&self, label: &str) -> Texture {
         Texture::new(self.gpu, label, self.extent, TextureFormat::Rgba32Float)
@@ -90,7 +98,7 @@ impl Temporal {
         if needs_moments(recipe) {
             passes.extend(Moments::PASSES);
         }
-        if needs_edges(recipe) {
+        if recipe.finds_edges() {
             passes.extend(Edges::PASSES);
         }
         passes.push("resolve");
@@ -102,22 +110,15 @@ impl Temporal {
 
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
         let Builder {
-            gpu,
-            recipe,
-            precision,
-            extent,
+            gpu, recipe, extent, ..
         } = builder;
         let difference = needs_difference(recipe).then(|| Difference::new(builder));
         let moments = needs_moments(recipe).then(|| Moments::new(builder));
-        let edges = needs_edges(recipe).then(|| Edges::new(builder));
+        let edges = recipe.finds_edges().then(|| Edges::new(builder));
         let resolve = builder.pass("resolve", RESOLVE, &[])?;
         let sharpen = match recipe.sharpen {
             Sharpen::None => None,
             _ => Some((builder.pass("sharpen", SHARPEN, &[])?, builder.color("resolved"))),
-        };
-        let history_format = match precision {
-            Precision::F16 => TextureFormat::Rgba16Float,
-            Precision::F32 => TextureFormat::Rgba32Float,
         };
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
@@ -128,7 +129,7 @@ impl Temporal {
             edges,
             resolve,
             sharpen,
-            history: Carried::new(gpu, "history", extent, history_format),
+            history: Carried::new(gpu, "history", extent, builder.history_format()),
             n_samples: Carried::new(gpu, "samples", counted, TextureFormat::R32Float),
             nothing: Texture::new(gpu, "nothing", unused, TextureFormat::Rgba32Float),
         })
@@ -197,8 +198,4 @@ fn needs_difference(recipe: &Recipe) -> bool {
 
 fn needs_moments(recipe: &Recipe) -> bool {
     uses_history(recipe) && recipe.prefilter_moments
-}
-
-fn needs_edges(recipe: &Recipe) -> bool {
-    uses_history(recipe) && recipe.neighbourhood == Neighbourhood::Sobel
 }

@@ -105,6 +105,7 @@ fn every_block_agrees() {
         r#"{"neighbourhood": "variance", "prefilter_moments": true, "variance_window": 31, "rectify": "clip_centre"}"#,
         r#"{"neighbourhood": "variance", "prefilter_moments": true, "rectify": "clip_current", "domain": "tonemapped"}"#,
         r#"{"neighbourhood": "sobel", "rectify": "clamp", "space": "ycocg"}"#,
+        r#"{"algorithm": "phlm2016", "phlm_printed": true, "domain": "tonemapped"}"#,
         r#"{"sharpen": "xu", "sharpen_strength": 0.5, "motion_blur": true}"#,
         r#"{"sharpen": "rcas", "sharpen_strength": 0.8, "domain": "tonemapped"}"#,
         r#"{"neighbourhood": "cross", "rectify": "clamp", "space": "ycocg", "chroma_from_luma": true}"#,
@@ -143,6 +144,31 @@ fn a_slightly_wrong_twin_disagrees() {
         .sum::<f64>()
         / (8 * SIZES[0].n_pixels()) as f64;
     assert!(mean > MEAN_DIFFERENCE, "{mean}");
+}
+
+/// Once motion stops, what is shown is the mean of the last image in motion and every colour since.
+#[test]
+fn linear_models_show_a_mean_where_all_is_still() {
+    let recipe = &Preset::find("phlm2016").unwrap().recipe;
+    let extent = SIZES[0];
+    let frames = || {
+        (0..12).map(|index| match index {
+            0..4 => frame(extent, index),
+            _ => still(extent, index, |x, y| [noise(x, y, index as u32); 3]),
+        })
+    };
+    let shown = resolve_on_gpu(recipe, Precision::F32, frames());
+    let mut twin = Twin::<f64>::new(recipe.clone(), Precision::F32);
+    let last = frames().map(|frame| twin.resolve(&frame).shown).last().unwrap();
+    let tonemapped = |[r, g, b]: [f32; 3]| f64::from(r) / (1.0 + f64::from(r.max(g).max(b)));
+    for [x, y] in [[30, 20], [0, 0], [60, 36]] {
+        let since: f64 = (4..12).map(|index| tonemapped([noise(x, y, index); 3])).sum();
+        let mean = (tonemapped(shown[3].0.at(x, y)) + since) / 9.0;
+        let of_twin = tonemapped(last.at(x, y).map(|c| c as f32));
+        for found in [tonemapped(shown[11].0.at(x, y)), of_twin] {
+            assert!((found - mean).abs() < 1e-4, "at {x}, {y}: {found} instead of {mean}");
+        }
+    }
 }
 
 fn still(extent: Extent, index: usize, color: impl Fn(u32, u32) -> [f32; 3] + Sync) -> Frame {

@@ -1,6 +1,7 @@
 // What every pass of a recipe sees: the recipe's parameters, each an override of the same name (src/taa/recipe.rs), so that
 // a pipeline holds only the code its recipe needs; and the frame. Passes bind what is their own from 10 on.
 
+override phlm_printed: bool;
 override domain: u32;
 override space: u32;
 override dilation: u32;

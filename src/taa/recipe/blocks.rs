@@ -3,6 +3,16 @@
 
 use serde::{Deserialize, Serialize};
 
+/// What resolves a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Algorithm {
+    /// Blends a rectified history.
+    Temporal,
+    /// Fits a linear model to each pixel's past. Uses none of box, rectification and weight.
+    Phlm2016,
+}
+
 /// Which texel's motion vector a pixel uses, over the 3×3 around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -4,6 +4,7 @@
 pub mod color;
 mod neighbourhood;
 mod output;
+mod phlm2016;
 pub mod real;
 mod rectify;
 mod reproject;
@@ -13,7 +14,7 @@ mod weight;
 
 use super::{
     Precision, Recipe, Source,
-    recipe::{HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Weight},
+    recipe::{Algorithm, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Weight},
 };
 use crate::{image::Image, sequence::Frame};
 use color::{Color, F16_MAX};
@@ -33,11 +34,14 @@ pub struct Twin<R> {
 /// What a frame leaves to the next.
 #[derive(Clone, Debug)]
 struct Previous<R> {
+    /// The resolved image; for `phlm2016` its feature.
     history: Image<Color<R>>,
     /// How many samples each pixel of history holds.
     n_samples: Image<R>,
     /// Where the recipe finds edges.
     edges: Option<sobel2018::Scalars<R>>,
+    /// Where the recipe fits them.
+    models: Option<Image<phlm2016::Fitted<R>>>,
     depth: Option<Image<f32>>,
     object_id: Option<Image<u32>>,
 }
@@ -87,8 +91,7 @@ impl<R: Real> Twin<R> {
         let prepared = color::prepare(source, albedo, self.recipe.domain);
         let previous = self.previous.take().filter(|_| frame.index > 0 && !frame.reset);
         let jitter_px = frame.jitter_px.map(R::new);
-        let extent = frame.extent();
-        let mut pixels = Pixels {
+        let pixels = Pixels {
             recipe: &self.recipe,
             frame,
             jitter_px,
@@ -98,36 +101,31 @@ impl<R: Real> Twin<R> {
             differences: None,
             stable_edges: None,
         };
-        if self.recipe.neighbourhood == Neighbourhood::Sobel {
-            pixels.stable_edges = Some(pixels.stabilised(&pixels.edges(&prepared.unlit_luma)));
+        let resolved = match self.recipe.algorithm {
+            Algorithm::Temporal => pixels.temporal(&prepared.unlit_luma),
+            Algorithm::Phlm2016 => pixels.phlm(),
+        };
+        let shown = resolved.shown.map(|color| color.from_domain(self.recipe.domain).0);
+        let mut left = resolved.left;
+        if self.precision == Precision::F16 {
+            let round = |image: &Image<Color<R>>| image.map(|c| c.map(R::round_to_f16));
+            left.history = round(&left.history);
+            left.edges = left.edges.as_ref().map(round);
         }
-        if self.recipe.weight == Weight::Amortized {
-            pixels.differences = Some(Image::from_fn(extent, |x, y| pixels.difference([x.into(), y.into()])));
-        }
-        let sampled = Image::from_fn(extent, |x, y| pixels.resolve([x.into(), y.into()]));
-        let resolved = sampled.map(|(color, _)| color);
-        let shown = Image::from_fn(extent, |x, y| {
-            let shown = pixels.output([x.into(), y.into()], &resolved);
-            shown.from_domain(self.recipe.domain).0
-        });
-        self.previous = Some(Previous {
-            history: match self.precision {
-                Precision::F16 => resolved.map(|c| c.map(R::round_to_f16)),
-                Precision::F32 => resolved,
-            },
-            n_samples: sampled.map(|(_, n)| n),
-            edges: pixels
-                .stable_edges
-                .as_ref()
-                .map(|edges| sobel2018::stored(edges, self.precision)),
-            depth: frame.depth.clone(),
-            object_id: frame.object_id.clone(),
-        });
+        self.previous = Some(left);
         Resolved {
             shown,
             repaired_texels: prepared.repaired_texels,
         }
     }
+}
+
+/// What an algorithm makes of a frame.
+struct Outcome<R> {
+    /// In the working domain.
+    shown: Image<Color<R>>,
+    /// Not rounded yet.
+    left: Previous<R>,
 }
 
 /// What one pixel's resolve can see.
@@ -147,6 +145,30 @@ struct Pixels<'a, R> {
 }
 
 impl<R: Real> Pixels<'_, R> {
+    /// The temporal algorithm on the whole frame.
+    fn temporal(mut self, unlit_luma: &Image<R>) -> Outcome<R> {
+        let extent = self.frame.extent();
+        if self.recipe.neighbourhood == Neighbourhood::Sobel {
+            self.stable_edges = Some(self.stabilised(&self.edges(unlit_luma)));
+        }
+        if self.recipe.weight == Weight::Amortized {
+            self.differences = Some(Image::from_fn(extent, |x, y| self.difference([x.into(), y.into()])));
+        }
+        let sampled = Image::from_fn(extent, |x, y| self.resolve([x.into(), y.into()]));
+        let history = sampled.map(|(color, _)| color);
+        Outcome {
+            shown: Image::from_fn(extent, |x, y| self.output([x.into(), y.into()], &history)),
+            left: Previous {
+                history,
+                n_samples: sampled.map(|(_, n)| n),
+                edges: self.stable_edges,
+                models: None,
+                depth: self.frame.depth.clone(),
+                object_id: self.frame.object_id.clone(),
+            },
+        }
+    }
+
     /// The next history at `p`, unrounded, and how many samples it holds.
     fn resolve(&self, p: [i64; 2]) -> (Color<R>, R) {
         let current = self.current(p);

@@ -40,7 +40,7 @@ fn clip_centre<R: Real>(history: Color<R>, bounds: &ColorBox<R>, domain: Domain)
 
 /// The nearest point inside the box on the segment that ends at `current`, or at the box's mean where `current` is
 /// outside.
-fn clip_current<R: Real>(history: Color<R>, current: Color<R>, bounds: &ColorBox<R>) -> Color<R> {
+pub fn clip_current<R: Real>(history: Color<R>, current: Color<R>, bounds: &ColorBox<R>) -> Color<R> {
     let is_inside = beyond(current, bounds) == Color::default();
     let end = if is_inside { current } else { bounds.mean };
     let direction = end - history;

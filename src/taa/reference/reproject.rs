@@ -85,7 +85,7 @@ impl<R: Real> Pixels<'_, R> {
     }
 
     /// The texel's own motion; none where it is not finite or longer than four images.
-    fn motion_at(&self, x: i64, y: i64) -> Option<Motion<R>> {
+    pub fn motion_at(&self, x: i64, y: i64) -> Option<Motion<R>> {
         let motion = self
             .frame
             .motion_px

@@ -19,14 +19,29 @@ pub fn containing<R: Real>(position: Position<R>) -> [i64; 2] {
     position.map(|s| s.floor().to_f64() as i64)
 }
 
+/// What can be interpolated: `a + (b - a) t`.
+pub trait Lerp<R>: Copy {
+    /// Between equals exactly their value: a box of flat colours must contain that colour.
+    fn lerp(self, other: Self, t: R) -> Self;
+}
+
+impl<R: Real> Lerp<R> for Color<R> {
+    fn lerp(self, other: Self, t: R) -> Self {
+        self + (other - self) * t
+    }
+}
+
 /// 2×2 bilinear.
 pub fn bilinear<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Color<R> {
+    bilinear_of(position, |x, y| image.clamped(x, y))
+}
+
+/// 2×2 bilinear of whatever `texel` returns.
+pub fn bilinear_of<R: Real, T: Lerp<R>>(position: Position<R>, texel: impl Fn(i64, i64) -> T) -> T {
     let ([x, y], [fx, fy]) = split(position);
-    // Between equals exactly their value: a box of flat colours must contain that colour.
-    let lerp = |a: Color<R>, b: Color<R>, t| a + (b - a) * t;
-    let top = lerp(image.clamped(x, y), image.clamped(x + 1, y), fx);
-    let bottom = lerp(image.clamped(x, y + 1), image.clamped(x + 1, y + 1), fx);
-    lerp(top, bottom, fy)
+    let top = texel(x, y).lerp(texel(x + 1, y), fx);
+    let bottom = texel(x, y + 1).lerp(texel(x + 1, y + 1), fx);
+    top.lerp(bottom, fy)
 }
 
 /// Catmull-Rom weights of the texels at -1, 0, 1 and 2 for the fraction `f`.

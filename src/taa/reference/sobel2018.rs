@@ -8,7 +8,7 @@ use super::{
     reproject::depth_or_sky,
     sampling::{bilinear, containing},
 };
-use crate::{image::Image, taa::Precision};
+use crate::image::Image;
 
 /// One channel, in all three.
 pub type Scalars<R> = Image<Color<R>>;
@@ -111,13 +111,5 @@ impl<R: Real> Pixels<'_, R> {
     /// As a share of the far plane's distance.
     fn relative_depth(&self, z: f64) -> R {
         R::new((z / self.frame.finite_far()).min(1.0))
-    }
-}
-
-/// The history that `edges` leave.
-pub fn stored<R: Real>(edges: &Scalars<R>, precision: Precision) -> Scalars<R> {
-    match precision {
-        Precision::F16 => edges.map(|c| c.map(R::round_to_f16)),
-        Precision::F32 => edges.clone(),
     }
 }
