@@ -77,6 +77,12 @@ impl Gpu {
         self.device.limits().max_texture_dimension_2d
     }
 
+    /// The largest buffer that a pass can bind, bytes.
+    pub fn max_buffer(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
+    }
+
     /// The workgroup of passes that leave it open. On a CPU a row: its lanes then read neighbouring texels.
     pub(super) fn workgroup(&self) -> [u32; 2] {
         if self.is_cpu() { [64, 1] } else { [8, 8] }

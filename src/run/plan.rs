@@ -61,6 +61,7 @@ impl Plan {
                     .recipe
                     .with(&wanted.parameters)
                     .map_err(|cause| error(cause.to_string()))?;
+                recipe.check_gpu().map_err(|cause| error(cause.to_string()))?;
                 let missing = missing(recipe.required_channels(), available);
                 if !missing.is_empty() {
                     return Err(error(format!(

@@ -23,7 +23,7 @@ pub use resolver::Resolver;
 
 use crate::sequence::Channels;
 use carried::Carried;
-use recipe::{Algorithm, Dilation, Domain, HistoryFilter, Neighbourhood};
+use recipe::{Algorithm, Dilation, Domain, HistoryFilter, Neighbourhood, Weight};
 use serde::{Deserialize, Serialize};
 
 /// How history is stored between frames.
@@ -70,7 +70,7 @@ impl Recipe {
 
     /// The images a frame must have for this recipe.
     pub fn required_channels(&self) -> Channels {
-        let uses_history = self.history_filter != HistoryFilter::None;
+        let uses_history = self.uses_history();
         let uses_motion = uses_history && self.reproject || self.motion_blur;
         Channels {
             motion: uses_motion,
@@ -81,11 +81,19 @@ impl Recipe {
         }
     }
 
+    fn uses_history(&self) -> bool {
+        self.history_filter != HistoryFilter::None
+    }
+
     /// Whether its box depends on the frame's edges.
     fn finds_edges(&self) -> bool {
-        self.algorithm == Algorithm::Temporal
-            && self.history_filter != HistoryFilter::None
-            && self.neighbourhood == Neighbourhood::Sobel
+        let has_box = self.algorithm == Algorithm::Temporal && self.uses_history();
+        has_box && self.neighbourhood == Neighbourhood::Sobel
+    }
+
+    /// Whether its weight depends on how far history is from the current colour around a pixel.
+    fn finds_differences(&self) -> bool {
+        self.uses_history() && self.weight == Weight::Amortized
     }
 
     /// How its history is stored where the job asks for `precision`.

@@ -35,6 +35,12 @@ impl Phlm {
         let model = builder.pass(model, MODEL, &[])?;
         let (gpu, extent) = (builder.gpu, builder.extent);
         let n_pixels = extent.n_pixels() as u64;
+        if n_pixels * COEFFICIENTS_SIZE.max(COVARIANCE_SIZE) > gpu.max_buffer() {
+            return Err(GpuError::Unsupported {
+                adapter: gpu.info().name,
+                message: format!("has too small buffers for `phlm2016` at {extent}; use smaller frames"),
+            });
+        }
         let buffers = |label, size| Carried::of([0, 1].map(|_| buffer(gpu, label, n_pixels * size)));
         gpu.scope("making room for models", || Self {
             still,

@@ -3,6 +3,7 @@
 //! `shaders/taa/temporal/recipe.wgsl`.
 
 mod blocks;
+mod rules;
 
 pub use blocks::{
     Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space, Weight,
@@ -112,6 +113,17 @@ impl Recipe {
         Ok(recipe)
     }
 
+    /// Whether passes for it exist: an accuracy reference may have only a twin.
+    pub fn check_gpu(&self) -> Result<(), RecipeError> {
+        if self.rectify != Rectify::Hull {
+            return Ok(());
+        }
+        Err(RecipeError {
+            field: "rectify".to_owned(),
+            message: "`hull` is computed by the CPU twin only; `clip_current` is nearest to it".to_owned(),
+        })
+    }
+
     /// The parameters by name, as reports carry them.
     pub fn to_json(&self) -> serde_json::Value {
         serde_json::Value::Object(self.to_fields())
@@ -125,87 +137,11 @@ impl Recipe {
     }
 
     fn validate(&self) -> Result<(), RecipeError> {
-        let unit = |value: f64| (0.0..=1.0).contains(&value);
-        let window = self.variance_window;
-        let has_box = self.neighbourhood != Neighbourhood::None;
-        let rules = [
-            (
-                window % 2 == 1 && (3..=31).contains(&window),
-                "variance_window",
-                "must be odd, 3 to 31",
-            ),
-            (
-                self.variance_gamma > 0.0 && self.variance_gamma <= 100.0,
-                "variance_gamma",
-                "must be above 0, at most 100",
-            ),
-            (
-                !self.prefilter_moments
-                    || self.neighbourhood == Neighbourhood::Variance && !self.unjitter_neighbourhood,
-                "prefilter_moments",
-                "needs the neighbourhood `variance`, without `unjitter_neighbourhood`",
-            ),
-            (
-                !self.chroma_from_luma || self.space == Space::Ycocg,
-                "chroma_from_luma",
-                "needs the space `ycocg`",
-            ),
-            (
-                self.reject_depth_tolerance > 0.0 && self.reject_depth_tolerance <= 1.0,
-                "reject_depth_tolerance",
-                "must be above 0, at most 1",
-            ),
-            (
-                self.current_weight > 0.0 && self.current_weight <= 1.0,
-                "current_weight",
-                "must be above 0, at most 1",
-            ),
-            (unit(self.luma_feedback_lo), "luma_feedback_lo", "must be 0 to 1"),
-            (unit(self.luma_feedback_hi), "luma_feedback_hi", "must be 0 to 1"),
-            (
-                self.algorithm == Algorithm::Temporal || !self.motion_blur && self.sharpen == Sharpen::None,
-                "algorithm",
-                "only `temporal` has `sharpen` and `motion_blur`",
-            ),
-            (
-                self.algorithm == Algorithm::Temporal || self.reproject && self.history_filter != HistoryFilter::None,
-                "algorithm",
-                "only `temporal` can do without reprojected history",
-            ),
-            (unit(self.sharpen_strength), "sharpen_strength", "must be 0 to 1"),
-            (
-                self.sharpen != Sharpen::Rcas || self.domain == Domain::Tonemapped,
-                "sharpen",
-                "`rcas` needs the domain `tonemapped`",
-            ),
-            (unit(self.count_weight_min), "count_weight_min", "must be 0 to 1"),
-            (
-                self.motion_weight_from_px >= 0.0,
-                "motion_weight_from_px",
-                "must be at least 0",
-            ),
-            (
-                self.motion_weight_to_px > self.motion_weight_from_px && self.motion_weight_to_px <= 1e6,
-                "motion_weight_to_px",
-                "must be above motion_weight_from_px, at most 1e6",
-            ),
-            (
-                self.reproject || !(self.motion_weight || self.motion_blur || self.reject_depth || self.reject_id),
-                "reproject",
-                "must be on for `motion_weight`, `motion_blur`, `reject_depth` and `reject_id`",
-            ),
-            (
-                self.rectify == Rectify::None || has_box,
-                "rectify",
-                "needs a neighbourhood other than `none`",
-            ),
-            (
-                self.weight != Weight::Antiflicker || has_box,
-                "weight",
-                "`antiflicker` needs a neighbourhood other than `none`",
-            ),
-        ];
-        match rules.into_iter().find(|(holds, ..)| !holds) {
+        let broken = rules::ranges(self)
+            .into_iter()
+            .chain(rules::combinations(self))
+            .find(|(holds, ..)| !holds);
+        match broken {
             None => Ok(()),
             Some((_, field, message)) => Err(RecipeError {
                 field: field.to_owned(),

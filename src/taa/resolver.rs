@@ -31,6 +31,10 @@ enum Passes {
 impl Resolver {
     /// Compiles the passes of `recipe` and makes room for frames of `extent`.
     pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, extent: Extent) -> Result<Self, GpuError> {
+        recipe.check_gpu().map_err(|error| GpuError::Pass {
+            pass: "resolve".to_owned(),
+            message: error.to_string(),
+        })?;
         let builder = Builder {
             gpu,
             precision: recipe.precision(precision),

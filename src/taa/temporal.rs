@@ -1,11 +1,12 @@
 //! The temporal pass (`shaders/taa/temporal`), and the passes before it that some of its blocks need.
 
+mod compensation;
 mod difference;
 mod moments;
 
 use super::{
     Carried, Inputs, Precision, Recipe,
-    recipe::{HistoryFilter, Sharpen, Weight},
+    recipe::{HistoryFilter, Sharpen},
     recorder::Recorder,
     sobel2018::Edges,
 };
@@ -13,6 +14,7 @@ use crate::{
     gpu::{Gpu, GpuError, Pass, Texture},
     image::Extent,
 };
+use compensation::Compensation;
 use difference::Difference;
 use moments::Moments;
 use wgpu::TextureFormat;
@@ -77,6 +79,7 @@ impl Builder<'_> {
 /// The passes of a temporal recipe and what they keep.
 #[derive(Debug)]
 pub struct Temporal {
+    compensation: Option<Compensation>,
     difference: Option<Difference>,
     moments: Option<Moments>,
     edges: Option<Edges>,
@@ -92,7 +95,10 @@ impl Temporal {
     /// The names of the passes, in the order recorded.
     pub fn passes(recipe: &Recipe) -> Vec<&'static str> {
         let mut passes = Vec::new();
-        if needs_difference(recipe) {
+        if needs_compensation(recipe) {
+            passes.extend(Compensation::PASSES);
+        }
+        if recipe.finds_differences() {
             passes.extend(Difference::PASSES);
         }
         if needs_moments(recipe) {
@@ -112,9 +118,15 @@ impl Temporal {
         let Builder {
             gpu, recipe, extent, ..
         } = builder;
-        let difference = needs_difference(recipe).then(|| Difference::new(builder));
-        let moments = needs_moments(recipe).then(|| Moments::new(builder));
-        let edges = recipe.finds_edges().then(|| Edges::new(builder));
+        let compensation = needs_compensation(recipe)
+            .then(|| Compensation::new(builder))
+            .transpose()?;
+        let difference = recipe
+            .finds_differences()
+            .then(|| Difference::new(builder))
+            .transpose()?;
+        let moments = needs_moments(recipe).then(|| Moments::new(builder)).transpose()?;
+        let edges = recipe.finds_edges().then(|| Edges::new(builder)).transpose()?;
         let resolve = builder.pass("resolve", RESOLVE, &[])?;
         let sharpen = match recipe.sharpen {
             Sharpen::None => None,
@@ -122,8 +134,8 @@ impl Temporal {
         };
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
-        let (difference, moments, edges) = (difference.transpose()?, moments.transpose()?, edges.transpose()?);
         gpu.scope("making room for history", || Self {
+            compensation,
             difference,
             moments,
             edges,
@@ -146,8 +158,13 @@ impl Temporal {
         self.history.advance();
         self.n_samples.advance();
         let history = self.history.previous();
+        let nothing = &self.nothing;
+        if let Some(compensation) = &self.compensation {
+            compensation.record(recorder, recipe, inputs, history)?;
+        }
+        let compensated = self.compensation.as_ref().map_or(nothing, Compensation::compensated);
         if let Some(difference) = &self.difference {
-            difference.record(recorder, recipe, inputs, history)?;
+            difference.record(recorder, recipe, inputs, history, compensated)?;
         }
         if let Some(moments) = &self.moments {
             moments.record(recorder, recipe, inputs)?;
@@ -155,10 +172,10 @@ impl Temporal {
         if let Some(edges) = &mut self.edges {
             edges.record(recorder, recipe, inputs)?;
         }
-        let nothing = &self.nothing;
         let resolve = inputs
             .bind_to(&self.resolve, recipe)
             .bind("history", history)
+            .bind("compensated", compensated)
             .bind("next_history", self.history.current())
             .bind("n_samples", self.n_samples.previous())
             .bind("next_n_samples", self.n_samples.current())
@@ -188,14 +205,10 @@ impl Temporal {
     }
 }
 
-fn uses_history(recipe: &Recipe) -> bool {
-    recipe.history_filter != HistoryFilter::None
-}
-
-fn needs_difference(recipe: &Recipe) -> bool {
-    uses_history(recipe) && recipe.weight == Weight::Amortized
+fn needs_compensation(recipe: &Recipe) -> bool {
+    recipe.history_filter == HistoryFilter::Bfecc
 }
 
 fn needs_moments(recipe: &Recipe) -> bool {
-    uses_history(recipe) && recipe.prefilter_moments
+    recipe.uses_history() && recipe.prefilter_moments
 }

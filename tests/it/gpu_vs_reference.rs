@@ -7,7 +7,7 @@ use crate::support::{frame, gpu, noise, resolve_on_gpu};
 use afterimage::{
     image::{Extent, Image},
     sequence::Frame,
-    taa::{PRESETS, Precision, Preset, Recipe, reference::Twin},
+    taa::{PRESETS, Precision, Preset, Recipe, Resolver, reference::Twin},
 };
 
 const N_FRAMES: usize = 64;
@@ -96,6 +96,8 @@ fn every_block_agrees() {
         r#"{"dilation": "longest", "history_filter": "texel"}"#,
         r#"{"history_filter": "catmull_rom", "deringing": true}"#,
         r#"{"history_filter": "catmull_rom_5", "deringing": true, "input_filter": "unjitter"}"#,
+        r#"{"history_filter": "bfecc", "dilation": "closest"}"#,
+        r#"{"history_filter": "bfecc", "deringing": true, "weight": "amortized", "domain": "tonemapped"}"#,
         r#"{"neighbourhood": "cross", "rectify": "clamp"}"#,
         r#"{"neighbourhood": "box3", "rectify": "clip_centre", "space": "ycocg", "domain": "tonemapped"}"#,
         r#"{"neighbourhood": "rounded", "rectify": "clip_current", "unjitter_neighbourhood": true}"#,
@@ -122,6 +124,24 @@ fn every_block_agrees() {
         println!("{block}: {found:?}");
         assert!(found.agrees(), "{block}: {found:?}");
     }
+}
+
+#[test]
+fn the_hull_is_for_the_twin_alone() {
+    let overrides = serde_json::from_str(r#"{"rectify": "hull", "domain": "tonemapped"}"#).unwrap();
+    let recipe = Preset::find("salvi2016").unwrap().recipe.with(&overrides).unwrap();
+    let refused = Resolver::new(gpu(), recipe.clone(), Precision::F32, SIZES[0]).unwrap_err();
+    assert!(refused.to_string().contains("`hull`"), "{refused}");
+    let boxed = serde_json::from_str(r#"{"neighbourhood": "box3", "rectify": "clip_current"}"#).unwrap();
+    let boxed = recipe.with(&boxed).unwrap();
+    let [mut hull, mut boxed] = [recipe, boxed].map(|recipe| Twin::<f64>::new(recipe, Precision::F32));
+    let mut differs = false;
+    for frame in (0..4).map(|index| frame(Extent::new(17, 9), index)) {
+        let (hull, boxed) = (hull.resolve(&frame).shown, boxed.resolve(&frame).shown);
+        assert!(hull.pixels().iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+        differs |= hull.pixels() != boxed.pixels();
+    }
+    assert!(differs, "the hull is tighter than the box");
 }
 
 /// The comparison can fail: a twin with one parameter slightly off must be told apart.

@@ -9,6 +9,10 @@ const HISTORY_TEXEL: u32 = 1u;
 const HISTORY_BILINEAR: u32 = 2u;
 const HISTORY_CATMULL_ROM: u32 = 3u;
 const HISTORY_CATMULL_ROM_5: u32 = 4u;
+const HISTORY_BFECC: u32 = 5u;
+
+// History prepared for `bfecc`. From 25 on are bindings of this file's own.
+@group(0) @binding(25) var compensated: texture_2d<f32>;
 
 fn current_color(p: vec2i) -> vec3f {
     switch (input_filter) {
@@ -30,6 +34,7 @@ fn filtered_history(q: vec2f) -> vec3f {
         case HISTORY_BILINEAR: { return sample_bilinear(history, q); }
         case HISTORY_CATMULL_ROM: { h = sample_catmull_rom(history, q); }
         case HISTORY_CATMULL_ROM_5: { h = sample_catmull_rom_5(history, q); }
+        case HISTORY_BFECC: { h = sample_bilinear(compensated, q); }
         default: { return fetch(history, vec2i(floor(q))); }
     }
     h = max(h, vec3f(0.0));

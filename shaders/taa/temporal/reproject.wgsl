@@ -111,3 +111,9 @@ fn depth_fits(texel: vec2i, q: vec2f) -> bool {
     error = min(error, abs(expected - previous_view_depth(corner + vec2i(1, 1))));
     return error <= reject_depth_tolerance * expected;
 }
+
+// The motion that carries history to `p`, in pixels; 0 where it is unusable.
+fn usable_motion(p: vec2i) -> vec2f {
+    let m = reprojected(p).motion;
+    return select(vec2f(0.0), m.px, m.valid);
+}

@@ -1,5 +1,5 @@
-// How much the current colour counts in the blend. From 20 on are bindings of its
-// own. CPU twin: src/taa/reference/weight.rs.
+// How much the current colour counts in the blend. From 20 on are bindings of its own.
+// CPU twin: src/taa/reference/weight.rs.
 
 @group(0) @binding(20) var reactive_mask: texture_2d<f32>;
 @group(0) @binding(21) var difference_rows: texture_2d<f32>;

@@ -52,6 +52,8 @@ pub enum HistoryFilter {
     /// The spline without its corners, as five bilinear taps.
     #[serde(rename = "catmull_rom_5")]
     CatmullRom5,
+    /// Bilinear, of a history that half the error of sampling forth and back was added to.
+    Bfecc,
 }
 
 /// The colour space of box and rectification.
@@ -94,6 +96,8 @@ pub enum Rectify {
     ClipCentre,
     /// Pulled towards the current colour.
     ClipCurrent,
+    /// Pulled towards the current colour until inside the convex hull of the 3×3, whatever the box. CPU twin only.
+    Hull,
 }
 
 /// How the weight of the current colour is found.

@@ -2,6 +2,7 @@
 //! the measure that the GPU's numbers are held against; it shares no code with the GPU's path but the recipe.
 
 pub mod color;
+mod hull;
 mod neighbourhood;
 mod output;
 mod phlm2016;
@@ -14,7 +15,7 @@ mod weight;
 
 use super::{
     Precision, Recipe, Source,
-    recipe::{Algorithm, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Weight},
+    recipe::{Algorithm, HdrWeight, HistoryFilter, InputFilter, Rectify},
 };
 use crate::{image::Image, sequence::Frame};
 use color::{Color, F16_MAX};
@@ -98,6 +99,7 @@ impl<R: Real> Twin<R> {
             input_weights: blackman_harris(jitter_px),
             color: &prepared.color,
             previous: previous.as_ref(),
+            compensated: None,
             differences: None,
             stable_edges: None,
         };
@@ -108,9 +110,8 @@ impl<R: Real> Twin<R> {
         let shown = resolved.shown.map(|color| color.from_domain(self.recipe.domain).0);
         let mut left = resolved.left;
         if self.precision == Precision::F16 {
-            let round = |image: &Image<Color<R>>| image.map(|c| c.map(R::round_to_f16));
-            left.history = round(&left.history);
-            left.edges = left.edges.as_ref().map(round);
+            left.history = rounded(&left.history);
+            left.edges = left.edges.as_ref().map(rounded);
         }
         self.previous = Some(left);
         Resolved {
@@ -118,6 +119,10 @@ impl<R: Real> Twin<R> {
             repaired_texels: prepared.repaired_texels,
         }
     }
+}
+
+fn rounded<R: Real>(image: &Image<Color<R>>) -> Image<Color<R>> {
+    image.map(|c| c.map(R::round_to_f16))
 }
 
 /// What an algorithm makes of a frame.
@@ -138,6 +143,8 @@ struct Pixels<'a, R> {
     color: &'a Image<Color<R>>,
     /// None in the first frame and after a reset.
     previous: Option<&'a Previous<R>>,
+    /// History as the filter `bfecc` samples it.
+    compensated: Option<Image<Color<R>>>,
     /// History less current colour, where the weight needs it.
     differences: Option<Image<Color<R>>>,
     /// Where the box needs it.
@@ -148,10 +155,13 @@ impl<R: Real> Pixels<'_, R> {
     /// The temporal algorithm on the whole frame.
     fn temporal(mut self, unlit_luma: &Image<R>) -> Outcome<R> {
         let extent = self.frame.extent();
-        if self.recipe.neighbourhood == Neighbourhood::Sobel {
+        if self.recipe.finds_edges() {
             self.stable_edges = Some(self.stabilised(&self.edges(unlit_luma)));
         }
-        if self.recipe.weight == Weight::Amortized {
+        if let (HistoryFilter::Bfecc, Some(previous)) = (self.recipe.history_filter, self.previous) {
+            self.compensated = Some(self.compensated(&previous.history));
+        }
+        if self.recipe.finds_differences() {
             self.differences = Some(Image::from_fn(extent, |x, y| self.difference([x.into(), y.into()])));
         }
         let sampled = Image::from_fn(extent, |x, y| self.resolve([x.into(), y.into()]));
@@ -201,6 +211,11 @@ impl<R: Real> Pixels<'_, R> {
         }
     }
 
+    /// The 3×3 around `p`, the centre first.
+    fn ring(&self, [x, y]: [i64; 2]) -> [Color<R>; 9] {
+        RING.map(|[i, j]| self.color.clamped(x + i, y + j))
+    }
+
     /// Where the jittered image holds the centre of pixel (x, y).
     fn unjittered(&self, x: i64, y: i64) -> [R; 2] {
         let [jx, jy] = self.jitter_px;
@@ -217,18 +232,21 @@ impl<R: Real> Pixels<'_, R> {
         current: Color<R>,
     ) -> Color<R> {
         let recipe = self.recipe;
-        let unrectified = sampling::history(history, at.q, recipe.history_filter, recipe.deringing);
+        let unrectified = self.filtered(history, at.q);
         let bounds = self.color_box(p, current);
         let rectified = match &bounds {
             None => unrectified,
-            Some(bounds) => rectify::rectify(
-                recipe.rectify,
-                unrectified.to_space(recipe.space),
-                current.to_space(recipe.space),
-                bounds,
-                recipe.domain,
-            )
-            .from_space(recipe.space),
+            Some(bounds) => {
+                let [history, towards] = [unrectified, current].map(|c| c.to_space(recipe.space));
+                let rectified = match recipe.rectify {
+                    Rectify::None => history,
+                    Rectify::Clamp => history.clamp(bounds.lo, bounds.hi),
+                    Rectify::ClipCentre => rectify::clip_centre(history, bounds, recipe.domain),
+                    Rectify::ClipCurrent => rectify::clip_current(history, towards, bounds),
+                    Rectify::Hull => hull::clip(history, towards, self.ring(p).map(|c| c.to_space(recipe.space))),
+                };
+                rectified.from_space(recipe.space)
+            }
         };
         let blended = Blended {
             current,

@@ -64,11 +64,11 @@ impl<R: Real> Model<R> {
         let px = self.covariance.map(|row| dot(row, x));
         let s = dot(x, px).max(R::new(0.0));
         let gain = px.map(|v| v / (forgetting + s));
-        for i in 0..4 {
-            self.coefficients[i] = self.coefficients[i] + error * gain[i];
-            for j in 0..4 {
-                self.covariance[i][j] = (self.covariance[i][j] - gain[i] * px[j]) / forgetting;
-            }
+        for (coefficient, gain) in self.coefficients.iter_mut().zip(gain) {
+            *coefficient = *coefficient + error * gain;
+        }
+        for (row, gain) in self.covariance.iter_mut().zip(gain) {
+            *row = std::array::from_fn(|j| (row[j] - gain * px[j]) / forgetting);
         }
         self.bound();
     }
@@ -135,7 +135,7 @@ impl<R: Real> Pixels<'_, R> {
     /// The pixel's feature, its model after this frame, and what that predicts.
     fn fitted(&self, p: [i64; 2]) -> (Color<R>, Fitted<R>) {
         let y = self.current(p);
-        let texels = RING.map(|[i, j]| self.color.clamped(p[0] + i, p[1] + j));
+        let texels = self.ring(p);
         let bounds = minmax(texels.into_iter());
         let models = self.previous.and_then(|previous| previous.models.as_ref());
         let (feature, mut model) = match (self.reproject(p), models) {

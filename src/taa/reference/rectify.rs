@@ -1,27 +1,11 @@
 //! Rectification: the twin of `shaders/common/rectify.wgsl`.
 
 use super::{color::Color, neighbourhood::ColorBox, real::Real};
-use crate::taa::recipe::{Domain, Rectify};
-
-/// `history` against the box. All three share one colour space.
-pub fn rectify<R: Real>(
-    kind: Rectify,
-    history: Color<R>,
-    current: Color<R>,
-    bounds: &ColorBox<R>,
-    domain: Domain,
-) -> Color<R> {
-    match kind {
-        Rectify::None => history,
-        Rectify::Clamp => history.clamp(bounds.lo, bounds.hi),
-        Rectify::ClipCentre => clip_centre(history, bounds, domain),
-        Rectify::ClipCurrent => clip_current(history, current, bounds),
-    }
-}
+use crate::taa::recipe::Domain;
 
 /// Towards the box's centre until inside. Half extents are kept above f16's own step, or the rounding of one flat
 /// channel would collapse all three.
-fn clip_centre<R: Real>(history: Color<R>, bounds: &ColorBox<R>, domain: Domain) -> Color<R> {
+pub fn clip_centre<R: Real>(history: Color<R>, bounds: &ColorBox<R>, domain: Domain) -> Color<R> {
     let step = R::new(1.0 / 2048.0);
     let centre = (bounds.lo + bounds.hi) * R::new(0.5);
     let smallest = match domain {

@@ -1,7 +1,7 @@
 //! Filters: the twin of `shaders/common/sampling.wgsl`. Positions are in pixels, texel centres at +0.5; a fetch outside
 //! the image takes the nearest edge texel.
 
-use super::{color::Color, real::Real};
+use super::{Pixels, color::Color, real::Real};
 use crate::{image::Image, taa::recipe::HistoryFilter};
 
 /// A position in pixels.
@@ -93,9 +93,37 @@ fn catmull_rom_5<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Col
     sum * (R::new(1.0) / weights)
 }
 
-/// History at `q`, never negative, and within the 4 texels around `q` where `deringing` is on.
-pub fn history<R: Real>(image: &Image<Color<R>>, q: Position<R>, filter: HistoryFilter, deringing: bool) -> Color<R> {
-    let filtered = match filter {
+impl<R: Real> Pixels<'_, R> {
+    /// The previous frame's `history` at `q`.
+    pub fn filtered(&self, history: &Image<Color<R>>, q: Position<R>) -> Color<R> {
+        let (filter, deringing) = (self.recipe.history_filter, self.recipe.deringing);
+        match &self.compensated {
+            None => filtered(history, q, filter, deringing),
+            Some(compensated) => without_lobes(bilinear(compensated, q), history, q, deringing),
+        }
+    }
+
+    /// `history` and half of what sampling it forth and back loses.
+    pub fn compensated(&self, history: &Image<Color<R>>) -> Image<Color<R>> {
+        let extent = history.extent();
+        let carried = |image: &Image<Color<R>>, x: u32, y: u32, sign: f64| {
+            let p = [i64::from(x), i64::from(y)];
+            let motion = if self.recipe.reproject { self.motion(p) } else { None };
+            let motion = motion.unwrap_or_default().px;
+            let at = std::array::from_fn(|axis| R::new(p[axis] as f64 + 0.5) + R::new(sign) * motion[axis]);
+            bilinear(image, at)
+        };
+        let advected = Image::from_fn(extent, |x, y| carried(history, x, y, 1.0));
+        Image::from_fn(extent, |x, y| {
+            let h = history.at(x, y);
+            h + (h - carried(&advected, x, y, -1.0)) * R::new(0.5)
+        })
+    }
+}
+
+/// An image at `q`, by a filter that needs nothing else.
+fn filtered<R: Real>(image: &Image<Color<R>>, q: Position<R>, filter: HistoryFilter, deringing: bool) -> Color<R> {
+    let value = match filter {
         HistoryFilter::None | HistoryFilter::Texel => {
             let [x, y] = containing(q);
             return image.clamped(x, y);
@@ -103,16 +131,22 @@ pub fn history<R: Real>(image: &Image<Color<R>>, q: Position<R>, filter: History
         HistoryFilter::Bilinear => return bilinear(image, q),
         HistoryFilter::CatmullRom => catmull_rom(image, q),
         HistoryFilter::CatmullRom5 => catmull_rom_5(image, q),
+        HistoryFilter::Bfecc => unreachable!("its history is compensated first"),
     };
-    let filtered = filtered.max(Color::splat(0.0));
+    without_lobes(value, image, q, deringing)
+}
+
+/// Never negative, and within the 4 texels around `q` where `deringing` is on.
+fn without_lobes<R: Real>(value: Color<R>, image: &Image<Color<R>>, q: Position<R>, deringing: bool) -> Color<R> {
+    let positive = value.max(Color::splat(0.0));
     if !deringing {
-        return filtered;
+        return positive;
     }
     let ([x, y], _) = split(q);
     let around = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| image.clamped(x + i, y + j));
     let lo = around.into_iter().fold(around[0], Color::min);
     let hi = around.into_iter().fold(around[0], Color::max);
-    filtered.clamp(lo, hi)
+    positive.clamp(lo, hi)
 }
 
 #[cfg(test)]
@@ -132,11 +166,11 @@ mod tests {
         let q = [4.3, 4.9];
         let value = |a, b| 2.0 + a * (q[0] - 0.5) + b * (q[1] - 0.5);
         for filter in [HistoryFilter::Bilinear, HistoryFilter::CatmullRom] {
-            let found = history(&plane(0.25, 0.5), q, filter, false).0[0];
+            let found = filtered(&plane(0.25, 0.5), q, filter, false).0[0];
             assert!((found - value(0.25, 0.5)).abs() < 1e-12, "{filter:?}: {found}");
         }
         // Five taps drop the corners: axis-aligned ramps survive, oblique ones do not.
-        let five = |a, b| history(&plane(a, b), q, HistoryFilter::CatmullRom5, false).0[0];
+        let five = |a, b| filtered(&plane(a, b), q, HistoryFilter::CatmullRom5, false).0[0];
         assert!((five(0.0, 0.0) - 2.0).abs() < 1e-12);
         assert!((five(0.25, 0.5) - value(0.25, 0.5)).abs() > 1e-5);
     }
@@ -144,7 +178,7 @@ mod tests {
     #[test]
     fn negative_lobes_are_cut_and_deringing_bounds_the_rest() {
         let edge = Image::from_fn(Extent::new(9, 9), |x, _| Color::splat(f64::from(u8::from(x > 4))));
-        let at = |x, deringing| history(&edge, [x, 4.5], HistoryFilter::CatmullRom, deringing).0[0];
+        let at = |x, deringing| filtered(&edge, [x, 4.5], HistoryFilter::CatmullRom, deringing).0[0];
         assert_eq!(at(4.2, false), 0.0, "undershoot before the edge");
         assert!(at(5.8, false) > 1.0, "overshoot behind it");
         assert_eq!(at(5.8, true), 1.0);

@@ -6,7 +6,6 @@ use super::{
     neighbourhood::ColorBox,
     real::{Real, mix},
     reproject::Motion,
-    sampling,
 };
 use crate::taa::recipe::Weight;
 
@@ -88,8 +87,7 @@ impl<R: Real> Pixels<'_, R> {
         let (Some(at), Some(previous)) = (self.reproject(p), self.previous) else {
             return Color::default();
         };
-        let (filter, deringing) = (self.recipe.history_filter, self.recipe.deringing);
-        sampling::history(&previous.history, at.q, filter, deringing) - self.color.clamped(p[0], p[1])
+        self.filtered(&previous.history, at.q) - self.color.clamped(p[0], p[1])
     }
 
     /// Within 0 to 1; what is not finite counts as 0.

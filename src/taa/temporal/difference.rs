@@ -38,10 +38,12 @@ impl Difference {
         recipe: &Recipe,
         inputs: &Inputs,
         history: &Texture,
+        compensated: &Texture,
     ) -> Result<(), GpuError> {
         let of_pixel = inputs
             .bind_to(&self.of_pixel, recipe)
             .bind("history", history)
+            .bind("compensated", compensated)
             .bind("difference", &self.pixels)
             .over(recorder.gpu, inputs.extent())?;
         recorder.record(&of_pixel);

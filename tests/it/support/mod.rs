@@ -132,10 +132,16 @@ pub fn resolve_on_gpu(
             let shown = readback.copy_texture(gpu, &mut encoder, resolver.shown());
             let count = inputs.repaired_texels(recipe.preparation());
             let count = readback.copy_buffer(gpu, &mut encoder, count, 4);
-            timer.finish(gpu, &mut encoder, &mut readback);
+            let times = timer.finish(gpu, &mut encoder, &mut readback);
             let submission = gpu.queue.submit([encoder.finish()]);
             readback.map();
             gpu.wait(submission).unwrap();
+            let n_timed = times.read(&readback).unwrap().len();
+            assert!(
+                [0, 1 + recipe.passes().len()].contains(&n_timed),
+                "{n_timed} passes were recorded, `prepare` and {:?} announced",
+                recipe.passes()
+            );
             let n_repaired = readback.bytes(count).unwrap()[..4].try_into().map(u32::from_le_bytes);
             (readback.rgb(shown, extent).unwrap(), u64::from(n_repaired.unwrap()))
         })

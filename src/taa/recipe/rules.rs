@@ -1,0 +1,121 @@
+//! What a recipe's parameters must be: whether a rule holds, the parameter that breaks it, and what would be right.
+
+use super::{Algorithm, Domain, HistoryFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight};
+
+type Rule = (bool, &'static str, &'static str);
+
+/// Of one number.
+pub fn ranges(recipe: &Recipe) -> Vec<Rule> {
+    let unit = |value: f64| (0.0..=1.0).contains(&value);
+    let window = recipe.variance_window;
+    vec![
+        (
+            window % 2 == 1 && (3..=31).contains(&window),
+            "variance_window",
+            "must be odd, 3 to 31",
+        ),
+        (
+            recipe.variance_gamma > 0.0 && recipe.variance_gamma <= 100.0,
+            "variance_gamma",
+            "must be above 0, at most 100",
+        ),
+        (
+            recipe.reject_depth_tolerance > 0.0 && recipe.reject_depth_tolerance <= 1.0,
+            "reject_depth_tolerance",
+            "must be above 0, at most 1",
+        ),
+        (
+            recipe.current_weight > 0.0 && recipe.current_weight <= 1.0,
+            "current_weight",
+            "must be above 0, at most 1",
+        ),
+        (unit(recipe.luma_feedback_lo), "luma_feedback_lo", "must be 0 to 1"),
+        (unit(recipe.luma_feedback_hi), "luma_feedback_hi", "must be 0 to 1"),
+        (unit(recipe.sharpen_strength), "sharpen_strength", "must be 0 to 1"),
+        (unit(recipe.count_weight_min), "count_weight_min", "must be 0 to 1"),
+        (
+            recipe.motion_weight_from_px >= 0.0,
+            "motion_weight_from_px",
+            "must be at least 0",
+        ),
+        (
+            recipe.motion_weight_to_px > recipe.motion_weight_from_px && recipe.motion_weight_to_px <= 1e6,
+            "motion_weight_to_px",
+            "must be above motion_weight_from_px, at most 1e6",
+        ),
+    ]
+}
+
+/// Of parameters together.
+pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
+    let has_box = recipe.neighbourhood != Neighbourhood::None;
+    let is_temporal = recipe.algorithm == Algorithm::Temporal;
+    vec![
+        (
+            !recipe.prefilter_moments
+                || recipe.neighbourhood == Neighbourhood::Variance && !recipe.unjitter_neighbourhood,
+            "prefilter_moments",
+            "needs the neighbourhood `variance`, without `unjitter_neighbourhood`",
+        ),
+        (
+            !recipe.chroma_from_luma || recipe.space == Space::Ycocg,
+            "chroma_from_luma",
+            "needs the space `ycocg`",
+        ),
+        (
+            is_temporal || !recipe.motion_blur && recipe.sharpen == Sharpen::None,
+            "algorithm",
+            "only `temporal` has `sharpen` and `motion_blur`",
+        ),
+        (
+            is_temporal || recipe.reproject && recipe.history_filter != HistoryFilter::None,
+            "algorithm",
+            "only `temporal` can do without reprojected history",
+        ),
+        (
+            recipe.sharpen != Sharpen::Rcas || recipe.domain == Domain::Tonemapped,
+            "sharpen",
+            "`rcas` needs the domain `tonemapped`",
+        ),
+        (
+            recipe.reproject
+                || !(recipe.motion_weight || recipe.motion_blur || recipe.reject_depth || recipe.reject_id),
+            "reproject",
+            "must be on for `motion_weight`, `motion_blur`, `reject_depth` and `reject_id`",
+        ),
+        (
+            recipe.rectify == Rectify::None || has_box,
+            "rectify",
+            "needs a neighbourhood other than `none`",
+        ),
+        (
+            recipe.weight != Weight::Antiflicker || has_box,
+            "weight",
+            "`antiflicker` needs a neighbourhood other than `none`",
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::taa::Preset;
+
+    /// A preset with one parameter changed; the field that the refusal names.
+    fn refused(preset: &str, field: &str, value: serde_json::Value) -> String {
+        let overrides = serde_json::Map::from_iter([(field.to_owned(), value)]);
+        let recipe = &Preset::find(preset).unwrap().recipe;
+        recipe.with(&overrides).unwrap_err().field
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_by_name() {
+        assert_eq!(refused("ema", "variance_window", 4.into()), "variance_window");
+        assert_eq!(refused("ema", "sharpen", "rcas".into()), "sharpen");
+        assert_eq!(refused("ema", "chroma_from_luma", true.into()), "chroma_from_luma");
+        assert_eq!(refused("inside", "prefilter_moments", true.into()), "prefilter_moments");
+        assert_eq!(refused("inside", "reproject", false.into()), "reproject");
+        assert_eq!(refused("phlm2016", "motion_blur", true.into()), "algorithm");
+        assert_eq!(refused("phlm2016", "history_filter", "none".into()), "algorithm");
+        assert_eq!(refused("ema", "rectify", "hull".into()), "rectify");
+    }
+}

@@ -1,0 +1,62 @@
+//! History prepared so that sampling it bilinearly loses little: for the filter `bfecc`.
+
+use super::Builder;
+use crate::{
+    gpu::{GpuError, Pass, Texture},
+    taa::{Inputs, Recipe, recorder::Recorder},
+};
+
+const ADVECT: &str = include_str!("../../../shaders/taa/temporal/advect.wgsl");
+const COMPENSATE: &str = include_str!("../../../shaders/taa/temporal/compensate.wgsl");
+
+#[derive(Debug)]
+pub struct Compensation {
+    advect: Pass,
+    compensate: Pass,
+    advected: Texture,
+    compensated: Texture,
+}
+
+impl Compensation {
+    pub const PASSES: [&str; 2] = ["advect", "compensate"];
+
+    pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
+        let [advect, compensate] = Self::PASSES;
+        let advect = builder.pass(advect, ADVECT, &[])?;
+        let compensate = builder.pass(compensate, COMPENSATE, &[])?;
+        builder.gpu.scope("making room for compensated history", || Self {
+            advect,
+            compensate,
+            advected: builder.color("advected"),
+            compensated: builder.color("compensated"),
+        })
+    }
+
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        recipe: &Recipe,
+        inputs: &Inputs,
+        history: &Texture,
+    ) -> Result<(), GpuError> {
+        let advect = inputs
+            .bind_to(&self.advect, recipe)
+            .bind("history", history)
+            .bind("advected", &self.advected)
+            .over(recorder.gpu, inputs.extent())?;
+        recorder.record(&advect);
+        let compensate = inputs
+            .bind_to(&self.compensate, recipe)
+            .bind("history", history)
+            .bind("advected", &self.advected)
+            .bind("next_compensated", &self.compensated)
+            .over(recorder.gpu, inputs.extent())?;
+        recorder.record(&compensate);
+        Ok(())
+    }
+
+    /// The history to sample.
+    pub fn compensated(&self) -> &Texture {
+        &self.compensated
+    }
+}
