@@ -212,6 +212,7 @@ fn stress_scores_as_an_independent_implementation_found() {
     scores("stress", STRESS);
 }
 
+#[allow(clippy::print_stdout, reason = "a test that is skipped says so")]
 fn scores(name: &str, expected: &[Published]) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../shared/sequences")
