@@ -84,6 +84,7 @@ pub struct Temporal {
     moments: Option<Moments>,
     edges: Option<Edges>,
     resolve: Pass,
+    /// And the resolved image it reads, in the working domain.
     sharpen: Option<(Pass, Texture)>,
     history: Carried,
     n_samples: Carried,
@@ -128,10 +129,9 @@ impl Temporal {
         let moments = needs_moments(recipe).then(|| Moments::new(builder)).transpose()?;
         let edges = recipe.finds_edges().then(|| Edges::new(builder)).transpose()?;
         let resolve = builder.pass("resolve", RESOLVE, &[])?;
-        let sharpen = match recipe.sharpen {
-            Sharpen::None => None,
-            _ => Some((builder.pass("sharpen", SHARPEN, &[])?, builder.color("resolved"))),
-        };
+        let sharpen = (recipe.sharpen != Sharpen::None)
+            .then(|| builder.pass("sharpen", SHARPEN, &[]))
+            .transpose()?;
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
         gpu.scope("making room for history", || Self {
@@ -140,7 +140,7 @@ impl Temporal {
             moments,
             edges,
             resolve,
-            sharpen,
+            sharpen: sharpen.map(|pass| (pass, builder.color("resolved"))),
             history: Carried::new(gpu, "history", extent, builder.history_format()),
             n_samples: Carried::new(gpu, "samples", counted, TextureFormat::R32Float),
             nothing: Texture::new(gpu, "nothing", unused, TextureFormat::Rgba32Float),
