@@ -120,6 +120,11 @@ impl<T: Copy + Send + Sync> Image<T> {
         &mut self.pixels
     }
 
+    /// All pixels, row by row.
+    pub fn into_pixels(self) -> Vec<T> {
+        self.pixels
+    }
+
     /// The pixels of row `y`.
     pub fn row(&self, y: u32) -> &[T] {
         let width = self.extent.width as usize;

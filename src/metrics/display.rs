@@ -74,7 +74,7 @@ impl Display {
     }
 }
 
-/// Rec. 709 luma of display values: weights on encoded, not linear, components.
+/// Rec. 709 luma of display values: weights on encoded, not linear, components. Of linear ones it is luminance.
 pub fn luma([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }

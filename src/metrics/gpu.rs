@@ -69,8 +69,16 @@ pub struct Recorded {
     ssim: Vec<(Domain, usize)>,
 }
 
+/// Whether the device can compute `metric`.
+pub fn computes(metric: Metric) -> bool {
+    matches!(
+        metric.definition().quantity,
+        Quantity::SquaredError(_) | Quantity::Ssim(_)
+    )
+}
+
 impl GpuMetrics {
-    /// Compiles the passes for `metrics` on frames of `extent`.
+    /// Compiles the passes for `metrics`, all of which [`computes`], on frames of `extent`.
     pub fn new(gpu: &Gpu, extent: Extent, display: Display, metrics: &[Metric]) -> Result<Self, GpuMetricError> {
         check_sizes(metrics, extent, extent)?;
         let overrides = [
@@ -79,7 +87,7 @@ impl GpuMetrics {
         ];
         let ssim = quantities(metrics).into_iter().filter_map(|quantity| match quantity {
             Quantity::Ssim(domain) => Some(SsimPass::new(gpu, extent, domain)),
-            Quantity::SquaredError(_) => None,
+            _ => None,
         });
         let texture = |label| Texture::new(gpu, label, extent, TextureFormat::Rgba32Float);
         Ok(Self {
@@ -220,14 +228,20 @@ impl Recorded {
             (Domain::U8, u8, 0.0),
         ] {
             let n = self.extent.n_pixels() * domain.n_channels();
-            measured.insert(Quantity::SquaredError(domain), Sums { total, reference, n });
+            let sums = Sums {
+                total,
+                reference,
+                n,
+                ..Sums::default()
+            };
+            measured.insert(Quantity::SquaredError(domain), sums);
         }
         for &(domain, slot) in &self.ssim {
             let partials = bytemuck::pod_collect_to_vec::<u8, f32>(&readback.bytes(slot)?);
             let sums = Sums {
                 total: partials.into_iter().map(f64::from).sum(),
-                reference: 0.0,
                 n: ssim::valid_extent(self.extent).n_pixels() * domain.n_channels(),
+                ..Sums::default()
             };
             measured.insert(Quantity::Ssim(domain), sums);
         }

@@ -1,6 +1,6 @@
 //! Where the errors are: per-pixel maps, and a colour scale to look at them.
 
-use super::{Display, Metric, MetricError, Shown, check_sizes, ssim};
+use super::{Display, Metric, MetricError, Shown, check_sizes, flip, ssim};
 use crate::{image::Image, sequence::frame::Rgb};
 use std::f64::consts::TAU;
 
@@ -20,6 +20,13 @@ pub fn ssim_map(reference: &Image<Rgb>, test: &Image<Rgb>, display: Display) -> 
     check_sizes(&[Metric::Ssim], reference.extent(), test.extent())?;
     let shown = |image| Shown::from_linear(image, display, &[Metric::Ssim]);
     Ok(ssim::map(&shown(reference), &shown(test)))
+}
+
+/// LDR-FLIP of each pixel, 0 to 1; NaN where what its filters see is non-finite.
+pub fn flip_map(reference: &Image<Rgb>, test: &Image<Rgb>, display: Display) -> Result<Image<f32>, MetricError> {
+    check_sizes(&[Metric::Flip], reference.extent(), test.extent())?;
+    let shown = |image| Shown::from_linear(image, display, &[Metric::Flip]);
+    Ok(flip::map(&shown(reference), &shown(test)))
 }
 
 /// What [`false_color`] draws where there is no value; the scale itself never comes near it.

@@ -20,8 +20,11 @@ use std::{
 };
 
 pub mod display;
+mod flip;
 pub mod gpu;
 pub mod map;
+mod ms_ssim;
+mod relative_error;
 mod shown;
 mod squared_error;
 pub mod srgb;
@@ -83,6 +86,18 @@ pub enum Metric {
     SsimY,
     /// Structural similarity of 8-bit values.
     SsimU8,
+    /// Structural similarity of luma over five scales.
+    MsSsimY,
+    /// LDR-FLIP, mean.
+    Flip,
+    /// LDR-FLIP, 95th percentile.
+    FlipP95,
+    /// HDR-FLIP, mean.
+    HdrFlip,
+    /// Relative mean squared error of linear values.
+    RelMse,
+    /// Symmetric mean absolute relative error of linear values.
+    Smape,
 }
 
 /// How a metric is computed: what to measure on a frame, and its value from that.
@@ -96,7 +111,7 @@ struct Definition {
 
 impl Metric {
     /// Every metric, in the order shown to people.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 16] = [
         Self::Mse,
         Self::Rmse,
         Self::Psnr,
@@ -107,6 +122,12 @@ impl Metric {
         Self::Ssim,
         Self::SsimY,
         Self::SsimU8,
+        Self::MsSsimY,
+        Self::Flip,
+        Self::FlipP95,
+        Self::HdrFlip,
+        Self::RelMse,
+        Self::Smape,
     ];
 
     const fn definition(self) -> &'static Definition {
@@ -121,6 +142,12 @@ impl Metric {
             Self::Ssim => &ssim::SSIM,
             Self::SsimY => &ssim::SSIM_Y,
             Self::SsimU8 => &ssim::SSIM_U8,
+            Self::MsSsimY => &ms_ssim::MS_SSIM_Y,
+            Self::Flip => &flip::FLIP,
+            Self::FlipP95 => &flip::FLIP_P95,
+            Self::HdrFlip => &flip::HDR_FLIP,
+            Self::RelMse => &relative_error::REL_MSE,
+            Self::Smape => &relative_error::SMAPE,
         }
     }
 
@@ -251,20 +278,29 @@ impl Domain {
 enum Quantity {
     SquaredError(Domain),
     Ssim(Domain),
+    MsSsim,
+    Flip,
+    HdrFlip,
+    RelativeSquaredError,
+    SymmetricError,
 }
 
 impl Quantity {
     const fn domain(self) -> Domain {
         match self {
             Self::SquaredError(domain) | Self::Ssim(domain) => domain,
+            Self::MsSsim => Domain::Luma,
+            Self::Flip => Domain::Display,
+            Self::HdrFlip | Self::RelativeSquaredError | Self::SymmetricError => Domain::Linear,
         }
     }
 
     /// Fewest pixels in either axis.
     const fn smallest(self) -> u32 {
         match self {
-            Self::SquaredError(_) => 1,
             Self::Ssim(_) => ssim::WINDOW as u32,
+            Self::MsSsim => ms_ssim::SMALLEST,
+            _ => 1,
         }
     }
 
@@ -272,22 +308,37 @@ impl Quantity {
         match self {
             Self::SquaredError(domain) => squared_error::measure(domain, reference, test),
             Self::Ssim(domain) => ssim::measure(domain, reference, test),
+            Self::MsSsim => ms_ssim::measure(reference, test),
+            Self::Flip => flip::sums(flip::map(reference, test)),
+            Self::HdrFlip => flip::sums(flip::hdr_map(reference, test)),
+            Self::RelativeSquaredError => relative_error::measure_squared(reference, test),
+            Self::SymmetricError => relative_error::measure_symmetric(reference, test),
         }
     }
 }
 
 /// A quantity summed over the samples (pixels × channels) of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Sums {
-    /// Σ (T−R)², or Σ SSIM.
+    /// Σ of the quantity.
     total: f64,
     /// Σ R², with squared errors of display values only.
     reference: f64,
     /// How many samples.
     n: usize,
+    /// Every sample, where a percentile may be asked of them.
+    samples: Vec<f32>,
 }
 
 impl Sums {
+    /// Of images that cannot be measured: every metric becomes NaN.
+    fn unknown() -> Self {
+        Self {
+            total: f64::NAN,
+            ..Self::default()
+        }
+    }
+
     fn mean(&self) -> f64 {
         self.total / self.n as f64
     }
@@ -336,13 +387,24 @@ impl Reference {
 /// When either was prepared for other metrics, which read values it does not hold: a caller's mistake, never a user's.
 pub fn evaluate(metrics: &[Metric], reference: &Shown, test: &Shown) -> Result<FrameScores, MetricError> {
     check_sizes(metrics, reference.extent(), test.extent())?;
+    let non_finite_pixels = reference.count_non_finite(test);
+    let measure = |quantity: Quantity| match non_finite_pixels {
+        0 => quantity.measure(reference, test),
+        _ => Sums::unknown(),
+    };
     let measured = quantities(metrics)
         .into_iter()
-        .map(|quantity| (quantity, quantity.measure(reference, test)))
+        .map(|quantity| (quantity, measure(quantity)))
         .collect();
+    let mut values = values(metrics, &measured);
+    if non_finite_pixels == 0 && metrics.contains(&Metric::HdrFlip) {
+        let exposures = reference.exposures();
+        values.insert(flip::START_EXPOSURE, Value(exposures.start));
+        values.insert(flip::STOP_EXPOSURE, Value(exposures.stop));
+    }
     Ok(FrameScores {
-        values: values(metrics, &measured),
-        non_finite_pixels: reference.count_non_finite(test),
+        values,
+        non_finite_pixels,
     })
 }
 

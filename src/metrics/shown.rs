@@ -1,12 +1,17 @@
 //! An image as metrics see it: planes of f64 in the domains asked for, and which pixels cannot be judged.
 
-use super::{Display, Domain, Metric, display, quantities};
+use super::{
+    Display, Domain, Metric, display,
+    flip::{Exposures, SeenImage},
+    ms_ssim::Pyramid,
+    quantities,
+};
 use crate::{
     image::{Extent, Image},
     sequence::frame::Rgb,
 };
 use rayon::prelude::*;
-use std::ops::Range;
+use std::{ops::Range, sync::OnceLock};
 
 /// Three channels, each a row-major plane.
 type Planes = [Vec<f64>; 3];
@@ -17,7 +22,16 @@ pub struct Shown {
     extent: Extent,
     display: Planes,
     linear: Option<Planes>,
+    reused: Reused,
     n_non_finite: u64,
+}
+
+/// What metrics derive from a reference alone: made at the first use, and shared by every image compared with it.
+#[derive(Default)]
+struct Reused {
+    seen: OnceLock<SeenImage>,
+    exposures: OnceLock<Exposures>,
+    pyramid: OnceLock<Pyramid>,
 }
 
 impl Shown {
@@ -49,6 +63,7 @@ impl Shown {
             extent: image.extent(),
             linear: reads_linear.then(|| planes(image, linear)),
             n_non_finite: display[0].par_iter().filter(|value| value.is_nan()).count() as u64,
+            reused: Reused::default(),
             display,
         }
     }
@@ -56,6 +71,30 @@ impl Shown {
     /// Width and height.
     pub fn extent(&self) -> Extent {
         self.extent
+    }
+
+    pub(super) fn seen(&self) -> &SeenImage {
+        self.reused.seen.get_or_init(|| SeenImage::new(self))
+    }
+
+    pub(super) fn exposures(&self) -> Exposures {
+        *self.reused.exposures.get_or_init(|| Exposures::of(self))
+    }
+
+    pub(super) fn pyramid(&self) -> &Pyramid {
+        self.reused.pyramid.get_or_init(|| Pyramid::new(self))
+    }
+
+    /// A channel of a domain that is stored.
+    pub(super) fn plane(&self, domain: Domain, channel: usize) -> &[f64] {
+        match domain {
+            Domain::Display => &self.display[channel],
+            Domain::Linear => {
+                let linear = self.linear.as_ref().expect("the image was prepared for these metrics");
+                &linear[channel]
+            }
+            Domain::Luma | Domain::U8 => unreachable!("computed a row at a time"),
+        }
     }
 
     /// How many pixels are non-finite here or in `other`.
@@ -82,10 +121,7 @@ impl Shown {
         scratch.clear();
         match domain {
             Domain::Display => [r, g, b][channel],
-            Domain::Linear => {
-                let linear = self.linear.as_ref().expect("the image was prepared for these metrics");
-                &linear[channel][span]
-            }
+            Domain::Linear => &self.plane(domain, channel)[span],
             Domain::Luma => {
                 scratch.extend((0..r.len()).map(|x| display::luma([r[x], g[x], b[x]])));
                 scratch

@@ -97,8 +97,18 @@ fn snr_db(sums: &Sums) -> f64 {
     10.0 * libm::log10(sums.reference / sums.total)
 }
 
-/// Sums each row, then the rows from top to bottom, so that the result does not depend on the number of threads.
 pub(super) fn measure(domain: Domain, reference: &Shown, test: &Shown) -> Sums {
+    sum_rows(domain, reference, test, row_sums)
+}
+
+/// Two sums of each row and channel of reference and test, then the rows from top to bottom, so that the
+/// result does not depend on the number of threads.
+pub(super) fn sum_rows(
+    domain: Domain,
+    reference: &Shown,
+    test: &Shown,
+    row_sums: impl Fn(&[f64], &[f64]) -> [f64; 2] + Sync,
+) -> Sums {
     let extent = reference.extent();
     let columns = 0..extent.width as usize;
     let rows: Vec<[f64; 2]> = (0..extent.height as usize)
@@ -119,6 +129,7 @@ pub(super) fn measure(domain: Domain, reference: &Shown, test: &Shown) -> Sums {
         total: rows.iter().map(|row| row[0]).sum(),
         reference: rows.iter().map(|row| row[1]).sum(),
         n: extent.n_pixels() * domain.n_channels(),
+        ..Sums::default()
     }
 }
 

@@ -16,7 +16,7 @@
 use super::{Better, Definition, Domain, MetricInfo, Quantity, Shown, Sums};
 use crate::image::{Extent, Image};
 use rayon::prelude::*;
-use std::sync::LazyLock;
+use std::{ops::Range, sync::LazyLock};
 
 /// Side of the window in pixels.
 pub(super) const WINDOW: usize = 11;
@@ -27,7 +27,7 @@ const SIGMA: f64 = 1.5;
 const TILE: usize = 64;
 const TILE_INPUT: usize = TILE + WINDOW - 1;
 /// Rows of windows that one thread takes at a time.
-const BAND: usize = 64;
+pub(super) const BAND: usize = 64;
 
 pub(super) const SSIM: Definition = ssim("ssim", Domain::Display, "Structural similarity of display RGB");
 pub(super) const SSIM_Y: Definition = ssim("ssim.y", Domain::Luma, "Structural similarity of Rec. 709 luma");
@@ -74,15 +74,18 @@ pub(super) fn measure(domain: Domain, reference: &Shown, test: &Shown) -> Sums {
             let (channel, first) = (i % domain.n_channels(), i / domain.n_channels() * BAND);
             let mut total = 0.0;
             let rows = first..height.min(first + BAND);
-            let mut pair = Pair::new(domain, channel, reference, test);
-            pair.for_each_run(rows, width, |_, _, indices| total += indices.iter().sum::<f64>());
+            let images = [reference, test].map(|shown| Channel { shown, domain, channel });
+            let stabilisers = stabilisers(domain.peak());
+            Pair::new(images).for_each_run(rows, width, |_, _, windows| {
+                total += windows.indices(stabilisers).sum::<f64>();
+            });
             total
         })
         .collect();
     Sums {
         total: bands.iter().sum(),
-        reference: 0.0,
         n: width * height * domain.n_channels(),
+        ..Sums::default()
     }
 }
 
@@ -97,10 +100,15 @@ pub(super) fn map(reference: &Shown, test: &Shown) -> Image<f32> {
         let first = band * BAND;
         for channel in 0..3 {
             let rows = first..first + pixels.len() / width;
-            let mut pair = Pair::new(Domain::Display, channel, reference, test);
-            pair.for_each_run(rows, width, |x, y, indices| {
-                let run = &mut pixels[(y - first) * width + x..][..indices.len()];
-                for (pixel, index) in run.iter_mut().zip(indices) {
+            let images = [reference, test].map(|shown| Channel {
+                shown,
+                domain: Domain::Display,
+                channel,
+            });
+            let stabilisers = stabilisers(Domain::Display.peak());
+            Pair::new(images).for_each_run(rows, width, |x, y, windows| {
+                let run = &mut pixels[(y - first) * width + x..][..windows.n];
+                for (pixel, index) in run.iter_mut().zip(windows.indices(stabilisers)) {
                     *pixel += (index / 3.0) as f32;
                 }
             });
@@ -117,43 +125,57 @@ pub(super) fn valid_extent(extent: Extent) -> Extent {
 /// The planes that are filtered, over one row of a tile: S, D, S², D².
 type Row = [[f64; TILE_INPUT]; 4];
 
-/// A channel of two images, and room to filter them.
-struct Pair<'a> {
-    domain: Domain,
-    channel: usize,
-    images: [&'a Shown; 2],
-    scratch: [Vec<f64>; 2],
-    ring: Box<[Row; WINDOW]>,
-    stabilisers: [f64; 2],
+/// One channel of an image, to be read by rows.
+pub(super) trait Rows {
+    /// The `columns` of row `y`, which may be put into `scratch`.
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut Vec<f64>) -> &'a [f64];
 }
 
-impl<'a> Pair<'a> {
-    fn new(domain: Domain, channel: usize, reference: &'a Shown, test: &'a Shown) -> Self {
+struct Channel<'a> {
+    shown: &'a Shown,
+    domain: Domain,
+    channel: usize,
+}
+
+impl Rows for Channel<'_> {
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut Vec<f64>) -> &'a [f64] {
+        self.shown.row(self.domain, self.channel, y, columns, scratch)
+    }
+}
+
+/// A channel of two images, reference and test, and room to filter them.
+pub(super) struct Pair<R> {
+    images: [R; 2],
+    scratch: [Vec<f64>; 2],
+    ring: Box<[Row; WINDOW]>,
+}
+
+impl<R: Rows> Pair<R> {
+    pub(super) fn new(images: [R; 2]) -> Self {
         Self {
-            domain,
-            channel,
-            images: [reference, test],
+            images,
             scratch: Default::default(),
             ring: Box::new([[[0.0; TILE_INPUT]; 4]; WINDOW]),
-            stabilisers: stabilisers(domain.peak()),
         }
     }
 
-    /// Calls `f(x, y, indices)` for every run of at most [`TILE`] windows in `rows`, `width` windows to a row.
-    fn for_each_run(&mut self, rows: std::ops::Range<usize>, width: usize, mut f: impl FnMut(usize, usize, &[f64])) {
-        let (mut columns, mut windows, mut run): (Row, Windows, _) =
-            ([[0.0; TILE_INPUT]; 4], [[0.0; TILE]; 4], [0.0; TILE]);
+    /// Calls `f(x, y, windows)` for every run of at most [`TILE`] windows in `rows`, `width` windows to a row.
+    pub(super) fn for_each_run(&mut self, rows: Range<usize>, width: usize, mut f: impl FnMut(usize, usize, &Windows)) {
+        let mut columns = [[0.0; TILE_INPUT]; 4];
+        let mut windows = Windows {
+            planes: [[0.0; TILE]; 4],
+            n: 0,
+        };
         for x in (0..width).step_by(TILE) {
-            let n = TILE.min(width - x);
+            windows.n = TILE.min(width - x);
             for y in rows.start..rows.start + WINDOW - 1 {
-                self.load(x, n, y);
+                self.load(x, windows.n, y);
             }
             for y in rows.clone() {
-                self.load(x, n, y + WINDOW - 1);
+                self.load(x, windows.n, y + WINDOW - 1);
                 filter_columns(&self.ring, y, &mut columns);
-                filter_row(&columns, &mut windows);
-                indices(&windows, self.stabilisers, &mut run);
-                f(x, y, &run[..n]);
+                filter_row(&columns, &mut windows.planes);
+                f(x, y, &windows);
             }
         }
     }
@@ -162,9 +184,9 @@ impl<'a> Pair<'a> {
     fn load(&mut self, x: usize, n: usize, y: usize) {
         let [scratch_r, scratch_t] = &mut self.scratch;
         let columns = x..x + n + WINDOW - 1;
-        let [reference, test] = self.images;
-        let r = reference.row(self.domain, self.channel, y, columns.clone(), scratch_r);
-        let t = test.row(self.domain, self.channel, y, columns, scratch_t);
+        let [reference, test] = &self.images;
+        let r = reference.row(y, columns.clone(), scratch_r);
+        let t = test.row(y, columns, scratch_t);
         let [s, d, ss, dd] = &mut self.ring[y % WINDOW];
         for (i, (r, t)) in r.iter().zip(t).enumerate() {
             (s[i], d[i]) = (t + r, t - r);
@@ -173,8 +195,38 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// A value a window, of the planes in [`Row`].
-type Windows = [[f64; TILE]; 4];
+/// The weighted means of a run of windows.
+pub(super) struct Windows {
+    /// Of the planes in [`Row`]; whatever lies beyond the run has no meaning.
+    planes: [[f64; TILE]; 4],
+    /// How many windows.
+    n: usize,
+}
+
+impl Windows {
+    /// The index of each window.
+    pub(super) fn indices(&self, [c1, c2]: [f64; 2]) -> impl Iterator<Item = f64> {
+        let [s, d, ss, dd] = &self.planes;
+        let indices: [f64; TILE] = std::array::from_fn(|i| {
+            let (mean_s, mean_d) = (s[i] * s[i], d[i] * d[i]);
+            let (var_s, var_d) = (ss[i] - mean_s, dd[i] - mean_d);
+            let above = (mean_s - mean_d + 2.0 * c1) * (var_s - var_d + 2.0 * c2);
+            let below = (mean_s + mean_d + 2.0 * c1) * (var_s + var_d + 2.0 * c2);
+            above / below
+        });
+        indices.into_iter().take(self.n)
+    }
+
+    /// The part of each index that compares contrast and structure, and leaves out brightness.
+    pub(super) fn contrasts(&self, [_, c2]: [f64; 2]) -> impl Iterator<Item = f64> {
+        let [s, d, ss, dd] = &self.planes;
+        let contrasts: [f64; TILE] = std::array::from_fn(|i| {
+            let (var_s, var_d) = (ss[i] - s[i] * s[i], dd[i] - d[i] * d[i]);
+            (var_s - var_d + 2.0 * c2) / (var_s + var_d + 2.0 * c2)
+        });
+        contrasts.into_iter().take(self.n)
+    }
+}
 
 /// The Gaussian over the eleven rows from `first` on.
 fn filter_columns(ring: &[Row; WINDOW], first: usize, filtered: &mut Row) {
@@ -184,7 +236,7 @@ fn filter_columns(ring: &[Row; WINDOW], first: usize, filtered: &mut Row) {
 }
 
 /// The Gaussian along a row.
-fn filter_row(row: &Row, filtered: &mut Windows) {
+fn filter_row(row: &Row, filtered: &mut [[f64; TILE]; 4]) {
     for (plane, filtered) in row.iter().zip(filtered) {
         let tap = |i: usize| plane[i..].first_chunk().expect("a tile and its borders fill the row");
         gaussian(std::array::from_fn(tap), filtered);
@@ -200,15 +252,5 @@ fn gaussian<const N: usize>(taps: [&[f64; N]; WINDOW], sums: &mut [f64; N]) {
         let near = w0 * centre[i] + w1 * (l1[i] + r1[i]) + w2 * (l2[i] + r2[i]);
         let far = w3 * (l3[i] + r3[i]) + w4 * (l4[i] + r4[i]) + w5 * (l5[i] + r5[i]);
         sums[i] = near + far;
-    }
-}
-
-fn indices([s, d, ss, dd]: &Windows, [c1, c2]: [f64; 2], indices: &mut [f64; TILE]) {
-    for i in 0..TILE {
-        let (mean_s, mean_d) = (s[i] * s[i], d[i] * d[i]);
-        let (var_s, var_d) = (ss[i] - mean_s, dd[i] - mean_d);
-        let above = (mean_s - mean_d + 2.0 * c1) * (var_s - var_d + 2.0 * c2);
-        let below = (mean_s + mean_d + 2.0 * c1) * (var_s + var_d + 2.0 * c2);
-        indices[i] = above / below;
     }
 }

@@ -42,7 +42,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+/// Linear between order statistics.
+pub(super) fn percentile(sorted: &[f64], fraction: f64) -> f64 {
     if sorted.is_empty() {
         return f64::NAN;
     }

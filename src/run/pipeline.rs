@@ -11,7 +11,10 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, Readback, ReadbackPool, Timer},
-    metrics::gpu::{GpuMetrics, Recorded},
+    metrics::{
+        Metric,
+        gpu::{GpuMetrics, Recorded, computes},
+    },
     sequence::{Frame, Sequence, SequenceError},
     taa::{Inputs, Repeat, Resolver},
 };
@@ -47,8 +50,10 @@ pub fn run(
         let (keep, kept) = sync_channel(plan.systems.len());
         let keep = observer.wants_output().then_some(keep);
         let writer = scope.spawn(move || write(&kept, observer));
-        let scorer = scope.spawn(move || Scorer::new(plan, sequence, gpu, observer, keep).score_all(&submitted));
-        let resolved = Stage::new(plan, spec, sequence, gpu, observer.wants_output())
+        let (on_device, on_host) = split_metrics(plan, spec, gpu);
+        let reads_images = observer.wants_output() || on_device.is_empty() || !on_host.is_empty();
+        let scorer = scope.spawn(move || Scorer::new(plan, on_host, sequence, gpu, observer, keep).score_all(&submitted));
+        let resolved = Stage::new(plan, spec, sequence, gpu, &on_device, reads_images)
             .and_then(|mut stage| stage.resolve_all(&frames, observer, &send));
         // Each thread ends when the channel before it closes, or the one after it.
         drop(send);
@@ -79,6 +84,16 @@ fn write(kept: &Receiver<Shown>, observer: &dyn Observer) -> Result<f64, RunErro
         total_ms += ms;
     }
     Ok(total_ms)
+}
+
+/// The metrics that the adapter computes, and those that the host does: all that the adapter cannot.
+fn split_metrics(plan: &Plan, spec: &RunSpec, gpu: &Gpu) -> (Vec<Metric>, Vec<Metric>) {
+    let on_device = match spec.metrics_on {
+        MetricsOn::Auto => !gpu.is_cpu(),
+        MetricsOn::Cpu => false,
+        MetricsOn::Gpu => true,
+    };
+    plan.metrics.iter().partition(|&&metric| on_device && computes(metric))
 }
 
 /// Each decoder also decompresses in parallel, so a few are enough to hide the gaps.
@@ -117,7 +132,8 @@ impl<'a> Stage<'a> {
         spec: &RunSpec,
         sequence: &Sequence,
         gpu: &'a Gpu,
-        wants_output: bool,
+        metrics: &[Metric],
+        reads_images: bool,
     ) -> Result<Self, RunError> {
         let extent = sequence.render_size();
         if extent.width.max(extent.height) > gpu.max_side() {
@@ -130,20 +146,15 @@ impl<'a> Stage<'a> {
             .par_iter()
             .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, extent))
             .collect::<Result<_, _>>()?;
-        let on_gpu = match spec.metrics_on {
-            MetricsOn::Auto => !gpu.is_cpu(),
-            MetricsOn::Cpu => false,
-            MetricsOn::Gpu => true,
-        };
-        let metrics = (on_gpu && !plan.metrics.is_empty())
-            .then(|| GpuMetrics::new(gpu, extent, sequence.display(), &plan.metrics))
+        let metrics = (!metrics.is_empty())
+            .then(|| GpuMetrics::new(gpu, extent, sequence.display(), metrics))
             .transpose()?;
         let mut stage = Self {
             plan,
             gpu,
             inputs: Inputs::new(gpu, extent, plan.channels, &plan.prepared)?,
             resolvers,
-            reads_images: wants_output || metrics.is_none(),
+            reads_images,
             metrics,
             timer: Timer::new(gpu, 0),
             pool: ReadbackPool::default(),

@@ -51,6 +51,8 @@ struct Gathered {
 
 pub struct Scorer<'a> {
     plan: &'a Plan,
+    /// Those that the adapter leaves to the host.
+    metrics: Vec<Metric>,
     sequence: &'a Sequence,
     gpu: &'a Gpu,
     observer: &'a dyn Observer,
@@ -65,6 +67,7 @@ pub struct Scorer<'a> {
 impl<'a> Scorer<'a> {
     pub fn new(
         plan: &'a Plan,
+        metrics: Vec<Metric>,
         sequence: &'a Sequence,
         gpu: &'a Gpu,
         observer: &'a dyn Observer,
@@ -72,6 +75,7 @@ impl<'a> Scorer<'a> {
     ) -> Self {
         Self {
             plan,
+            metrics,
             sequence,
             gpu,
             observer,
@@ -110,8 +114,8 @@ impl<'a> Scorer<'a> {
         self.add("gpu", pass_ms.iter().sum());
         self.add("metrics", metric_pass_ms.iter().sum());
         let (reference, reference_ms) = timed(|| {
-            let linear = frame.reference.as_ref().filter(|_| submitted.recorded.is_empty())?;
-            Some(Reference::new(linear, self.sequence.display(), &self.plan.metrics))
+            let linear = frame.reference.as_ref().filter(|_| !self.metrics.is_empty())?;
+            Some(Reference::new(linear, self.sequence.display(), &self.metrics))
         });
         self.add("metrics", reference_ms);
         for index in 0..self.plan.systems.len() {
@@ -270,26 +274,33 @@ impl<'a> Scorer<'a> {
     }
 }
 
-/// From the adapter where it computed them, else from the image; without a reference only the count of bad pixels.
+/// From the adapter and from the image, whichever computed them; without either only the count of bad pixels.
 fn scores(
     submitted: &Submitted,
     index: usize,
     reference: Option<&Reference>,
     image: Option<&Image<Rgb>>,
 ) -> Result<FrameScores, RunError> {
-    if let Some(recorded) = submitted.recorded.get(index) {
-        return Ok(recorded.scores(&submitted.readback)?);
-    }
-    let image = image.expect("read back where the adapter computes no metrics");
-    match reference {
-        Some(reference) => reference
-            .evaluate(image)
-            .map_err(|error| RunError::Input(error.to_string())),
-        None => Ok(FrameScores {
+    let recorded = submitted.recorded.get(index);
+    let recorded = recorded
+        .map(|recorded| recorded.scores(&submitted.readback))
+        .transpose()?;
+    let image = || image.expect("read back where the host computes metrics, or nothing does");
+    let computed = reference
+        .map(|reference| reference.evaluate(image()))
+        .transpose()
+        .map_err(|error| RunError::Input(error.to_string()))?;
+    Ok(match (recorded, computed) {
+        (Some(mut scores), Some(computed)) => {
+            scores.values.extend(computed.values);
+            scores
+        }
+        (Some(scores), None) | (None, Some(scores)) => scores,
+        (None, None) => FrameScores {
             values: BTreeMap::new(),
-            non_finite_pixels: count_non_finite(image),
-        }),
-    }
+            non_finite_pixels: count_non_finite(image()),
+        },
+    })
 }
 
 fn count_non_finite(image: &Image<Rgb>) -> u64 {

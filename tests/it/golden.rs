@@ -1,13 +1,15 @@
 //! The metrics, on the CPU and on the GPU, against independent implementations: `fixtures/golden`, whose README says what made each value.
 
-use crate::support::{gpu_scores, noise};
+use crate::support::{gpu_scores, noise, on_device, perfect};
 use afterimage::{
     compare::{Comparison, Criteria, compare},
     image::{
         Extent, Image,
         files::{Backend, FileReader, Limits},
     },
-    metrics::{Display, Metric, Reference, Tonemap, Value, Values, display::linear_from_srgb},
+    metrics::{
+        Display, Metric, Reference, Tonemap, Value, Values, display::linear_from_srgb, gpu::computes, map::flip_map,
+    },
 };
 use serde::Deserialize;
 use std::{
@@ -15,8 +17,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Of every CPU metric, in dB or in units of the index.
-const CPU_TOLERANCE: f64 = 1e-9;
+/// Of a CPU metric, in dB or in units of the index.
+fn cpu_tolerance(metric: Metric) -> f64 {
+    match metric {
+        Metric::MsSsimY => 1e-6,
+        Metric::Flip | Metric::FlipP95 | Metric::HdrFlip => 1e-4,
+        _ => 1e-9,
+    }
+}
 
 /// The 8-bit pairs, and the reference image of each.
 pub const PAIRS: [(&str, &str); 9] = [
@@ -32,7 +40,7 @@ pub const PAIRS: [(&str, &str); 9] = [
 ];
 
 /// Names in `golden.json` of what our metrics compute on 8-bit pairs. `ssim.y` is missing there: its luma is Rec. 601.
-const NAMES: [(Metric, &str); 11] = [
+const NAMES: [(Metric, &str); 12] = [
     (Metric::Mse, "mse_float"),
     (Metric::Psnr, "psnr_float_rgb"),
     (Metric::Psnr, "skimage_psnr"),
@@ -44,6 +52,7 @@ const NAMES: [(Metric, &str); 11] = [
     (Metric::Ssim, "ssim_rgb_valid"),
     (Metric::SsimU8, "skimage_ssim_rgb"),
     (Metric::SsimU8, "ssim_rgb_valid"),
+    (Metric::Flip, "flip_ldr_mean"),
 ];
 
 #[derive(Deserialize)]
@@ -98,11 +107,11 @@ pub fn agree(actual: f64, expected: f64, tolerance: f64) -> bool {
 }
 
 #[track_caller]
-fn assert_agree(what: &str, actual: Value, expected: Value) {
+fn assert_agree(what: &str, metric: Metric, actual: Value, expected: Value) {
     let (actual, expected) = (actual.0, expected.0);
     assert!(
-        agree(actual, expected, CPU_TOLERANCE),
-        "{what}: {actual} instead of {expected}"
+        agree(actual, expected, cpu_tolerance(metric)),
+        "{what}: {metric}: {actual} instead of {expected}"
     );
 }
 
@@ -115,15 +124,60 @@ fn eight_bit_pairs_match_published_implementations() {
         let actual = scores(&format!("{reference}_ref.png"), &format!("{pair}_test.png"));
         for (metric, name) in NAMES {
             let expected = serde_json::from_value(golden.pairs8[pair][name].clone()).unwrap();
-            assert_agree(
-                &format!("{pair}: {metric} against {name}"),
-                actual[metric.id()],
-                expected,
-            );
+            assert_agree(&format!("{pair} against {name}"), metric, actual[metric.id()], expected);
         }
         for (metric, expected) in &additional.pairs8[pair] {
-            assert_agree(&format!("{pair}: {metric}"), actual[metric.id()], *expected);
+            assert_agree(pair, *metric, actual[metric.id()], *expected);
         }
+    }
+}
+
+#[test]
+fn flip_matches_the_published_maps_and_percentiles() {
+    let golden: Golden = json("golden.json");
+    for (pair, reference) in PAIRS {
+        let values = scores(&format!("{reference}_ref.png"), &format!("{pair}_test.png"));
+        let expected = golden.pairs8[pair]["flip_ldr_p50_p95_max"][1].as_f64().unwrap();
+        assert_agree(pair, Metric::FlipP95, values["flip.p95"], Value(expected));
+    }
+    for pair in ["blur3", "noise", "shift1"] {
+        let [reference, test] = [linear("base_ref.png"), linear(&format!("{pair}_test.png"))];
+        let map = flip_map(&reference, &test, Display::default()).unwrap();
+        let bytes = std::fs::read(fixture(&format!("{pair}_flip.f32"))).unwrap();
+        let expected = bytes
+            .chunks_exact(4)
+            .map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap()));
+        assert_eq!(expected.len(), map.pixels().len());
+        for (i, (actual, expected)) in map.pixels().iter().zip(expected).enumerate() {
+            assert!(
+                (actual - expected).abs() < 2e-3,
+                "{pair}, pixel {i}: {actual}, not {expected}"
+            );
+        }
+    }
+}
+
+/// The published values are of Rec. 601 luma, so they are compared on grey images of that luma.
+#[test]
+fn ms_ssim_matches_published_implementations() {
+    let golden: Golden = json("golden.json");
+    let grey = |name: String| {
+        let encoded = reader().read_rgb(&fixture(&name)).unwrap().image;
+        encoded.map(|[r, g, b]| {
+            let luma = 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
+            [linear_from_srgb(luma) as f32; 3]
+        })
+    };
+    for (pair, reference) in PAIRS {
+        let [reference, test] = [format!("{reference}_ref.png"), format!("{pair}_test.png")].map(grey);
+        let scores = Reference::new(&reference, Display::default(), &[Metric::MsSsimY]).evaluate(&test);
+        let expected = golden.pairs8[pair]["msssim_luma601"].as_f64().unwrap();
+        assert_agree(
+            pair,
+            Metric::MsSsimY,
+            scores.unwrap().values["ms_ssim.y"],
+            Value(expected),
+        );
     }
 }
 
@@ -131,12 +185,7 @@ fn eight_bit_pairs_match_published_implementations() {
 fn equal_images_are_perfect_to_the_last_bit() {
     let scores = scores("base_ref.png", "identical_test.png");
     for metric in Metric::ALL {
-        let perfect = match metric {
-            Metric::Mse | Metric::Rmse => 0.0,
-            Metric::Ssim | Metric::SsimY | Metric::SsimU8 => 1.0,
-            _ => f64::INFINITY,
-        };
-        assert_eq!(scores[metric.id()], Value(perfect), "{metric}");
+        assert_eq!(scores[metric.id()], Value(perfect(metric)), "{metric}");
     }
 }
 
@@ -150,7 +199,7 @@ fn hdr_pair_matches_under_every_display_transform() {
             .evaluate(&test)
             .unwrap();
         for (metric, expected) in values {
-            assert_agree(&format!("{display:?}: {metric}"), actual.values[metric.id()], expected);
+            assert_agree(&format!("{display:?}"), metric, actual.values[metric.id()], expected);
         }
     }
 }
@@ -160,13 +209,26 @@ fn hdr_pair_matches_the_published_values() {
     let (reference, test) = (hdr("hdr_ref.exr"), hdr("hdr_test.exr"));
     let golden: Golden = json("golden.json");
     let expected = |name: &str| golden.hdr[name].as_f64().unwrap();
-    let metrics = [Metric::Psnr, Metric::PsnrLinear];
+    let metrics = [Metric::Psnr, Metric::PsnrLinear, Metric::RelMse, Metric::HdrFlip];
     let scores = Reference::new(&reference, Display::default(), &metrics)
         .evaluate(&test)
         .unwrap();
-    assert_agree("psnr", scores.values["psnr"], Value(expected("psnr_clip_srgb")));
-    let linear_db = Value(-10.0 * libm::log10(expected("mse")));
-    assert_agree("psnr.linear", scores.values["psnr.linear"], linear_db);
+    for (metric, expected) in [
+        (Metric::Psnr, expected("psnr_clip_srgb")),
+        (Metric::PsnrLinear, -10.0 * libm::log10(expected("mse"))),
+        (Metric::RelMse, expected("relMSE_eps1e-2")),
+        (Metric::HdrFlip, expected("flip_hdr_mean")),
+    ] {
+        assert_agree("hdr", metric, scores.values[metric.id()], Value(expected));
+    }
+    let parameters = &golden.hdr["flip_hdr_params"];
+    for (ours, name) in [("start", "startExposure"), ("stop", "stopExposure")] {
+        let (actual, expected) = (
+            scores.values[&*format!("hdr_flip.{ours}_exposure")].0,
+            parameters[name].as_f64(),
+        );
+        assert!((actual - expected.unwrap()).abs() < 1e-5, "{name}: {actual}");
+    }
 }
 
 /// Of GPU metrics: dB, then units of the index.
@@ -188,8 +250,11 @@ fn gpu_matches_published_implementations() {
             linear(&format!("{reference}_ref.png")),
             linear(&format!("{pair}_test.png")),
         );
-        let actual = gpu_scores(&reference, &test, Display::default(), &Metric::ALL).values;
+        let actual = gpu_scores(&reference, &test, Display::default(), &on_device()).values;
         for (metric, expected) in &additional.pairs8[pair] {
+            if !computes(*metric) {
+                continue;
+            }
             let (actual, expected) = (actual[metric.id()].0, expected.0);
             assert!(
                 agree(actual, expected, gpu_tolerance(*metric)),
@@ -199,8 +264,8 @@ fn gpu_matches_published_implementations() {
     }
     let (reference, test) = (hdr("hdr_ref.exr"), hdr("hdr_test.exr"));
     for HdrValues { display, values } in additional.hdr {
-        let actual = gpu_scores(&reference, &test, display, &Metric::ALL).values;
-        for (metric, expected) in values {
+        let actual = gpu_scores(&reference, &test, display, &on_device()).values;
+        for (metric, expected) in values.into_iter().filter(|(metric, _)| computes(*metric)) {
             let (actual, expected) = (actual[metric.id()].0, expected.0);
             assert!(
                 agree(actual, expected, gpu_tolerance(metric)),
@@ -226,14 +291,13 @@ fn gpu_matches_the_cpu_on_odd_sizes_and_small_errors() {
             let test = Image::from_fn(extent, |x, y| {
                 reference.at(x, y).map(|c| c * (1.0 + error * (noise(x, y, 3) - 0.5)))
             });
-            let cpu = Reference::new(&reference, display, &Metric::ALL)
-                .evaluate(&test)
-                .unwrap();
-            let gpu = gpu_scores(&reference, &test, display, &Metric::ALL);
+            let metrics = on_device();
+            let cpu = Reference::new(&reference, display, &metrics).evaluate(&test).unwrap();
+            let gpu = gpu_scores(&reference, &test, display, &metrics);
             // A value that f32 puts on the other side of a rounding boundary changes Σ(T−R)² by about 1. Two may.
             let codes_error = 255.0 * 255.0 * libm::pow(10.0, -0.1 * cpu.values["psnr.u8"].0);
             let two_codes_db = 10.0 * libm::log10(1.0 + 2.0 / (codes_error * 3.0 * extent.n_pixels() as f64));
-            for metric in Metric::ALL {
+            for metric in metrics {
                 let (cpu, gpu) = (cpu.values[metric.id()].0, gpu.values[metric.id()].0);
                 let rounding = if metric == Metric::PsnrU8 { two_codes_db } else { 0.0 };
                 let close = agree(gpu, cpu, gpu_tolerance(metric) + rounding);

@@ -3,7 +3,10 @@
 use afterimage::{
     gpu::{Gpu, ReadbackPool, Texture, Timer},
     image::{Extent, Image},
-    metrics::{Display, FrameScores, Metric, gpu::GpuMetrics},
+    metrics::{
+        Better, Display, FrameScores, Metric,
+        gpu::{GpuMetrics, computes},
+    },
     sequence::{Channels, Frame, frame::Rgb},
     taa::{Inputs, Precision, Recipe, Repeat, Resolver},
 };
@@ -146,6 +149,26 @@ pub fn resolve_on_gpu(
             (readback.rgb(shown, extent).unwrap(), u64::from(n_repaired.unwrap()))
         })
         .collect()
+}
+
+/// The value of a metric between equal images.
+pub fn perfect(metric: Metric) -> f64 {
+    match (metric.info().unit, metric.info().better) {
+        ("dB", _) => f64::INFINITY,
+        (_, Better::Higher) => 1.0,
+        (_, Better::Lower) => 0.0,
+    }
+}
+
+/// Every metric that images of this size are large enough for.
+pub fn metrics_for(extent: Extent) -> Vec<Metric> {
+    let suits = |metric: &Metric| metric.check_size(extent).is_ok();
+    Metric::ALL.into_iter().filter(suits).collect()
+}
+
+/// Every metric that the GPU computes.
+pub fn on_device() -> Vec<Metric> {
+    Metric::ALL.into_iter().filter(|&metric| computes(metric)).collect()
 }
 
 /// Metrics as the GPU computes them.

@@ -1,0 +1,184 @@
+//! FLIP's colour spaces, and the roots and powers that it takes of every pixel. All in f32 and free of branches, so
+//! that loops over a tile vectorise.
+
+use glam::{DMat3, DVec3};
+use std::sync::LazyLock;
+
+/// Exponent of colour differences.
+const QC: f32 = 0.7;
+/// Differences below this share of the largest spread over most of the range …
+const PC: f32 = 0.4;
+/// … namely over this much of it.
+const PT: f32 = 0.95;
+
+/// sRGB's primaries and white, as XYZ of linear R, G and B.
+const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
+    DVec3::new(0.412_386_563_253, 0.212_636_821_677, 0.019_330_620_152),
+    DVec3::new(0.357_591_490_921, 0.715_182_981_842, 0.119_197_163_640),
+    DVec3::new(0.180_450_421_204, 0.072_180_196_481, 0.950_372_587_005),
+);
+
+/// XYZ over that of white, from linear RGB, and back: rows.
+static TO_XYZ: LazyLock<[[f32; 3]; 3]> = LazyLock::new(|| rows(relative_xyz()));
+static FROM_XYZ: LazyLock<[[f32; 3]; 3]> = LazyLock::new(|| rows(relative_xyz().inverse()));
+
+fn relative_xyz() -> DMat3 {
+    let white = XYZ_FROM_RGB * DVec3::ONE;
+    DMat3::from_diagonal(white.recip()) * XYZ_FROM_RGB
+}
+
+fn rows(matrix: DMat3) -> [[f32; 3]; 3] {
+    matrix.transpose().to_cols_array_2d().map(|row| row.map(|x| x as f32))
+}
+
+fn mul([a, b, c]: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+    let dot = |row: &[f32; 3]| row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+    [dot(a), dot(b), dot(c)]
+}
+
+/// The conversions of one thread: holds the matrices, which a loop must not look up anew for every pixel.
+#[derive(Clone, Copy)]
+pub struct Colors {
+    to_xyz: [[f32; 3]; 3],
+    from_xyz: [[f32; 3]; 3],
+    largest: f32,
+}
+
+impl Colors {
+    pub fn new() -> Self {
+        let mut colors = Self {
+            to_xyz: *TO_XYZ,
+            from_xyz: *FROM_XYZ,
+            largest: 1.0,
+        };
+        let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| colors.hunt_lab(colors.ycxcz(rgb)));
+        colors.largest = pow(hyab(green, blue), QC);
+        colors
+    }
+
+    /// The linear form of CIELAB in which contrast sensitivity is known.
+    pub fn ycxcz(&self, rgb: [f32; 3]) -> [f32; 3] {
+        let [x, y, z] = mul(&self.to_xyz, rgb);
+        [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+    }
+
+    /// CIELAB of a filtered colour, brought back into sRGB's gamut; chroma scaled by lightness, after Hunt.
+    pub fn hunt_lab(&self, [l, cx, cz]: [f32; 3]) -> [f32; 3] {
+        let y = (l + 16.0) / 116.0;
+        let rgb = mul(&self.from_xyz, [y + cx / 500.0, y, y - cz / 200.0]);
+        let [x, y, z] = mul(&self.to_xyz, rgb.map(|c| c.clamp(0.0, 1.0))).map(lab_root);
+        let l = 116.0 * y - 16.0;
+        [l, 0.01 * l * 500.0 * (x - y), 0.01 * l * 200.0 * (y - z)]
+    }
+
+    /// How different two such colours look, 0 to 1.
+    pub fn difference(&self, a: [f32; 3], b: [f32; 3]) -> f32 {
+        let difference = pow(hyab(a, b), QC);
+        let knee = PC * self.largest;
+        if difference < knee {
+            PT / knee * difference
+        } else {
+            PT + (difference - knee) / (self.largest - knee) * (1.0 - PT)
+        }
+    }
+}
+
+/// City-block in lightness, Euclidean in chroma: Abasi, Tehran and Fairchild, "Distance metrics for very large color
+/// differences", 2019.
+fn hyab([l, a, b]: [f32; 3], [m, c, d]: [f32; 3]) -> f32 {
+    (l - m).abs() + ((a - c) * (a - c) + (b - d) * (b - d)).sqrt()
+}
+
+fn lab_root(t: f32) -> f32 {
+    const DELTA: f32 = 6.0 / 29.0;
+    let linear = t / (3.0 * DELTA * DELTA) + 4.0 / 29.0;
+    if t > DELTA * DELTA * DELTA { cbrt(t) } else { linear }
+}
+
+/// Linear light of an sRGB-encoded value in `[0, 1]`, within 1e-6.
+pub fn decode(encoded: f32) -> f32 {
+    let base = (encoded + 0.055) / 1.055;
+    let curve = base * base * pow(base, 0.4);
+    if encoded <= 0.040_45 { encoded / 12.92 } else { curve }
+}
+
+/// Narkowicz's fit of ACES as FLIP uses it, which lets 0.6 of the exposure through.
+pub fn aces(linear: f32) -> f32 {
+    let c = 0.6 * linear.max(0.0);
+    (c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14)).min(1.0)
+}
+
+/// Cube root of `x` ≥ 0, within 2e-7 of itself: a guess from the exponent, then two of Halley's steps, each of which
+/// cubes the error.
+fn cbrt(x: f32) -> f32 {
+    let guess = f32::from_bits((x.to_bits() as i32 as f32 / 3.0 + 709_921_077.0) as i32 as u32);
+    [(); 2].iter().fold(guess, |y, ()| {
+        let cube = y * y * y;
+        y * (cube + 2.0 * x) / (2.0 * cube + x)
+    })
+}
+
+/// `x` to the power `p`, for finite `x` ≥ 0 and p·log₂ x within ±126; within 2e-6 of itself.
+pub fn pow(x: f32, p: f32) -> f32 {
+    let power = exp2((p * log2(x)).clamp(-126.0, 126.0));
+    if x > 0.0 { power } else { 0.0 }
+}
+
+/// The exponent, and 2/ln 2 · artanh s for a mantissa (1 + s)/(1 − s) between √½ and √2.
+fn log2(x: f32) -> f32 {
+    const SQRT_HALF_BITS: i32 = 0x3f35_04f3;
+    let exponent = (x.to_bits() as i32 - SQRT_HALF_BITS) >> 23;
+    let mantissa = f32::from_bits((x.to_bits() as i32 - (exponent << 23)) as u32);
+    let s = (mantissa - 1.0) / (mantissa + 1.0);
+    let q = s * s;
+    let series = 1.0 + q * (1.0 / 3.0 + q * (1.0 / 5.0 + q * (1.0 / 7.0 + q / 9.0)));
+    exponent as f32 + 2.0 * std::f32::consts::LOG2_E * s * series
+}
+
+/// The exponential series of the fraction, at most ½ either way, and the rest put into the exponent.
+fn exp2(x: f32) -> f32 {
+    const ROUND: f32 = 12_582_912.0; // 1.5·2²³ leaves no bits for a fraction.
+    let whole = (x + ROUND) - ROUND;
+    let t = (x - whole) * std::f32::consts::LN_2;
+    let tail = 1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0 + t / 5040.0));
+    let series = 1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * tail)));
+    series * f32::from_bits(((whole as i32 + 127) << 23) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_and_roots_agree_with_libm() {
+        for i in 1..100_000 {
+            let x = libm::powf(1.0003, i as f32 - 80_000.0);
+            let near = |actual: f32, exact: f64| ((f64::from(actual) - exact) / exact).abs();
+            assert!(near(cbrt(x), libm::cbrt(f64::from(x))) < 3e-7, "cbrt {x}");
+            for p in [0.4, 0.7, 1.0] {
+                let error = near(pow(x, p), libm::pow(f64::from(x), f64::from(p)));
+                assert!(error < 4e-6, "{x}^{p}: {error:e}");
+            }
+        }
+        assert_eq!(pow(0.0, 0.7), 0.0);
+    }
+
+    #[test]
+    fn decoding_agrees_with_the_exact_curve() {
+        for i in 0..=4096 {
+            let encoded = i as f32 / 4096.0;
+            let exact = crate::metrics::srgb::decode(f64::from(encoded));
+            assert!((f64::from(decode(encoded)) - exact).abs() < 2e-6, "{encoded}");
+        }
+    }
+
+    #[test]
+    fn the_largest_difference_is_one_and_equal_colours_have_none() {
+        let colors = Colors::new();
+        let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| colors.hunt_lab(colors.ycxcz(rgb)));
+        assert!((colors.difference(green, blue) - 1.0).abs() < 1e-6);
+        assert_eq!(colors.difference(green, green), 0.0);
+        let white = colors.hunt_lab(colors.ycxcz([1.0; 3]));
+        assert!((white[0] - 100.0).abs() < 1e-3 && white[1].abs() < 1e-3 && white[2].abs() < 1e-3);
+    }
+}

@@ -1,0 +1,74 @@
+//! Errors of linear values relative to their size, so that highlights do not drown the rest: `rel_mse` and `smape`.
+
+use super::{Better, Definition, Domain, MetricInfo, Quantity, Shown, Sums, squared_error::sum_rows};
+
+/// Added to R²: keeps dark pixels from dividing by nothing.
+const REL_MSE_FLOOR: f64 = 0.01;
+/// Added to |T| + |R|.
+const SMAPE_FLOOR: f64 = 1e-3;
+
+pub(super) const REL_MSE: Definition = Definition {
+    info: MetricInfo {
+        id: "rel_mse",
+        unit: "",
+        better: Better::Lower,
+        version: 1,
+        description: "Mean of squared errors of linear RGB over the reference squared",
+    },
+    quantity: Quantity::RelativeSquaredError,
+    value: Sums::mean,
+    relative_mse: None,
+};
+
+pub(super) const SMAPE: Definition = Definition {
+    info: MetricInfo {
+        id: "smape",
+        unit: "",
+        better: Better::Lower,
+        version: 1,
+        description: "Mean of errors of linear RGB over the mean of both images, 0 to 2",
+    },
+    quantity: Quantity::SymmetricError,
+    value: Sums::mean,
+    relative_mse: None,
+};
+
+pub(super) fn measure_squared(reference: &Shown, test: &Shown) -> Sums {
+    sum_rows(Domain::Linear, reference, test, |r, t| {
+        let errors = r
+            .iter()
+            .zip(t)
+            .map(|(r, t)| (t - r) * (t - r) / (r * r + REL_MSE_FLOOR));
+        [errors.sum(), 0.0]
+    })
+}
+
+pub(super) fn measure_symmetric(reference: &Shown, test: &Shown) -> Sums {
+    sum_rows(Domain::Linear, reference, test, |r, t| {
+        let errors = r
+            .iter()
+            .zip(t)
+            .map(|(r, t)| 2.0 * (t - r).abs() / (t.abs() + r.abs() + SMAPE_FLOOR));
+        [errors.sum(), 0.0]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Display, Metric, Reference};
+    use crate::image::{Extent, Image};
+
+    #[test]
+    fn constant_images_by_hand() {
+        let [reference, test] = [[2.0_f32, 0.0, 1.0], [3.0, 0.0, 0.0]].map(|c| Image::filled(Extent::new(5, 3), c));
+        let metrics = [Metric::RelMse, Metric::Smape];
+        let values = Reference::new(&reference, Display::default(), &metrics)
+            .evaluate(&test)
+            .unwrap()
+            .values;
+        let rel_mse = (1.0 / 4.01 + 1.0 / 1.01) / 3.0;
+        let smape = (2.0 / 5.001 + 2.0 / 1.001) / 3.0;
+        assert!((values["rel_mse"].0 - rel_mse).abs() < 1e-15, "{values:?}");
+        assert!((values["smape"].0 - smape).abs() < 1e-15, "{values:?}");
+    }
+}
