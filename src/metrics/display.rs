@@ -58,7 +58,8 @@ impl Display {
         if !linear.iter().all(|c| c.is_finite()) {
             return [f64::NAN; 3];
         }
-        let exposed = linear.map(|c| (f64::from(c) * self.exposure).max(0.0));
+        // All are finite: a comparison is enough, where `max` would look for NaN once more.
+        let exposed = linear.map(|c| if c > 0.0 { f64::from(c) * self.exposure } else { 0.0 });
         self.tonemap(exposed).map(srgb::encode)
     }
 
@@ -66,7 +67,8 @@ impl Display {
         match self.tonemap {
             Tonemap::None => rgb,
             Tonemap::ReinhardMax => {
-                let scale = 1.0 / (1.0 + rgb[0].max(rgb[1]).max(rgb[2]));
+                let larger = |a: f64, b: f64| if a > b { a } else { b };
+                let scale = 1.0 / (1.0 + larger(larger(rgb[0], rgb[1]), rgb[2]));
                 rgb.map(|c| c * scale)
             }
             Tonemap::Aces => rgb.map(|c| c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14)),

@@ -1,5 +1,5 @@
 //! FLIP's colour spaces, and the roots and powers that it takes of every pixel. All in f32 and free of branches, so
-//! that loops over a tile vectorise.
+//! that loops over a tile vectorise: for which every function must also be inlined.
 
 use glam::{DMat3, DVec3};
 use std::sync::LazyLock;
@@ -31,6 +31,7 @@ fn rows(matrix: DMat3) -> [[f32; 3]; 3] {
     matrix.transpose().to_cols_array_2d().map(|row| row.map(|x| x as f32))
 }
 
+#[inline(always)]
 fn mul([a, b, c]: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     let dot = |row: &[f32; 3]| row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
     [dot(a), dot(b), dot(c)]
@@ -57,21 +58,26 @@ impl Colors {
     }
 
     /// The linear form of CIELAB in which contrast sensitivity is known.
+    #[inline(always)]
     pub fn ycxcz(&self, rgb: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = mul(&self.to_xyz, rgb);
         [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
     }
 
     /// CIELAB of a filtered colour, brought back into sRGB's gamut; chroma scaled by lightness, after Hunt.
+    #[inline(always)]
     pub fn hunt_lab(&self, [l, cx, cz]: [f32; 3]) -> [f32; 3] {
-        let y = (l + 16.0) / 116.0;
-        let rgb = mul(&self.from_xyz, [y + cx / 500.0, y, y - cz / 200.0]);
-        let [x, y, z] = mul(&self.to_xyz, rgb.map(|c| c.clamp(0.0, 1.0))).map(lab_root);
+        let y = (l + 16.0) * (1.0 / 116.0);
+        let rgb = mul(&self.from_xyz, [y + cx * (1.0 / 500.0), y, y - cz * (1.0 / 200.0)]);
+        let [r, g, b] = rgb;
+        let [x, y, z] = mul(&self.to_xyz, [clamp(r), clamp(g), clamp(b)]);
+        let [x, y, z] = [lab_root(x), lab_root(y), lab_root(z)];
         let l = 116.0 * y - 16.0;
         [l, 0.01 * l * 500.0 * (x - y), 0.01 * l * 200.0 * (y - z)]
     }
 
     /// How different two such colours look, 0 to 1.
+    #[inline(always)]
     pub fn difference(&self, a: [f32; 3], b: [f32; 3]) -> f32 {
         let difference = pow(hyab(a, b), QC);
         let knee = PC * self.largest;
@@ -85,24 +91,39 @@ impl Colors {
 
 /// City-block in lightness, Euclidean in chroma: Abasi, Tehran and Fairchild, "Distance metrics for very large color
 /// differences", 2019.
+#[inline(always)]
 fn hyab([l, a, b]: [f32; 3], [m, c, d]: [f32; 3]) -> f32 {
     (l - m).abs() + ((a - c) * (a - c) + (b - d) * (b - d)).sqrt()
 }
 
+/// Into `[0, 1]`.
+#[inline(always)]
+fn clamp(x: f32) -> f32 {
+    let below = if x < 1.0 { x } else { 1.0 };
+    if below > 0.0 { below } else { 0.0 }
+}
+
+#[inline(always)]
 fn lab_root(t: f32) -> f32 {
     const DELTA: f32 = 6.0 / 29.0;
-    let linear = t / (3.0 * DELTA * DELTA) + 4.0 / 29.0;
+    let linear = t * (1.0 / (3.0 * DELTA * DELTA)) + 4.0 / 29.0;
     if t > DELTA * DELTA * DELTA { cbrt(t) } else { linear }
 }
 
 /// Linear light of an sRGB-encoded value in `[0, 1]`, within 1e-6.
+#[inline(always)]
 pub fn decode(encoded: f32) -> f32 {
-    let base = (encoded + 0.055) / 1.055;
+    let base = (encoded + 0.055) * (1.0 / 1.055);
     let curve = base * base * pow(base, 0.4);
-    if encoded <= 0.040_45 { encoded / 12.92 } else { curve }
+    if encoded <= 0.040_45 {
+        encoded * (1.0 / 12.92)
+    } else {
+        curve
+    }
 }
 
 /// Narkowicz's fit of ACES as FLIP uses it, which lets 0.6 of the exposure through.
+#[inline(always)]
 pub fn aces(linear: f32) -> f32 {
     let c = 0.6 * linear.max(0.0);
     (c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14)).min(1.0)
@@ -110,39 +131,45 @@ pub fn aces(linear: f32) -> f32 {
 
 /// Cube root of `x` ≥ 0, within 2e-7 of itself: a guess from the exponent, then two of Halley's steps, each of which
 /// cubes the error.
+#[inline(always)]
 fn cbrt(x: f32) -> f32 {
-    let guess = f32::from_bits((x.to_bits() as i32 as f32 / 3.0 + 709_921_077.0) as i32 as u32);
-    [(); 2].iter().fold(guess, |y, ()| {
-        let cube = y * y * y;
-        y * (cube + 2.0 * x) / (2.0 * cube + x)
-    })
+    let mut root = f32::from_bits(x.to_bits() / 3 + 709_921_077);
+    for _ in 0..2 {
+        let cube = root * root * root;
+        root = root * (cube + 2.0 * x) / (2.0 * cube + x);
+    }
+    root
 }
 
-/// `x` to the power `p`, for finite `x` ≥ 0 and p·log₂ x within ±126; within 2e-6 of itself.
+/// `x` to the power `p`, for `x` that is 0 or normal, and 0 ≤ `p` ≤ 1; within 2e-6 of itself.
+#[inline(always)]
 pub fn pow(x: f32, p: f32) -> f32 {
-    let power = exp2((p * log2(x)).clamp(-126.0, 126.0));
+    let power = exp2(p * log2(x));
     if x > 0.0 { power } else { 0.0 }
 }
 
 /// The exponent, and 2/ln 2 · artanh s for a mantissa (1 + s)/(1 − s) between √½ and √2.
+#[inline(always)]
 fn log2(x: f32) -> f32 {
     const SQRT_HALF_BITS: i32 = 0x3f35_04f3;
-    let exponent = (x.to_bits() as i32 - SQRT_HALF_BITS) >> 23;
-    let mantissa = f32::from_bits((x.to_bits() as i32 - (exponent << 23)) as u32);
+    let exponent = (x.to_bits() as i32).wrapping_sub(SQRT_HALF_BITS) >> 23;
+    let mantissa = f32::from_bits((x.to_bits() as i32).wrapping_sub(exponent << 23) as u32);
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let q = s * s;
-    let series = 1.0 + q * (1.0 / 3.0 + q * (1.0 / 5.0 + q * (1.0 / 7.0 + q / 9.0)));
+    let series = 1.0 + q * (1.0 / 3.0 + q * (1.0 / 5.0 + q * (1.0 / 7.0 + q * (1.0 / 9.0))));
     exponent as f32 + 2.0 * std::f32::consts::LOG2_E * s * series
 }
 
 /// The exponential series of the fraction, at most ½ either way, and the rest put into the exponent.
+#[inline(always)]
 fn exp2(x: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5·2²³ leaves no bits for a fraction.
-    let whole = (x + ROUND) - ROUND;
-    let t = (x - whole) * std::f32::consts::LN_2;
-    let tail = 1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0 + t / 5040.0));
+    let shifted = x + ROUND;
+    let t = (x - (shifted - ROUND)) * std::f32::consts::LN_2;
+    let tail = 1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0 + t * (1.0 / 5040.0)));
     let series = 1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * tail)));
-    series * f32::from_bits(((whole as i32 + 127) << 23) as u32)
+    let whole = shifted.to_bits().wrapping_sub(ROUND.to_bits());
+    series * f32::from_bits(whole.wrapping_add(127) << 23)
 }
 
 #[cfg(test)]

@@ -72,7 +72,7 @@ impl Kernel {
                 run.expect("a tap is a tile wide")
             };
             let centre = at(APRON);
-            let mut sums: [f32; BLOCK] = std::array::from_fn(|i| self.weights[0] * centre[i]);
+            let mut sums = centre.map(|value| self.weights[0] * value);
             for (k, weight) in self.weights.iter().enumerate().skip(1) {
                 let (before, after) = (at(APRON - k), at(APRON + k));
                 for i in 0..BLOCK {

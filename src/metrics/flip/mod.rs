@@ -60,9 +60,6 @@ pub(super) const START_EXPOSURE: &str = "hdr_flip.start_exposure";
 /// … to the one that shows its median.
 pub(super) const STOP_EXPOSURE: &str = "hdr_flip.stop_exposure";
 
-/// Exponent of feature differences.
-const QF: f32 = 0.5;
-
 /// What the eye sees of a tile: lightness, both chromas, strength of edges and of points; rows one after another.
 type Seen = [Vec<[f32; TILE]>; 5];
 
@@ -231,11 +228,14 @@ impl Eye {
         let row = |y: usize| {
             let [l, a, b, edge, point] = reference.each_ref().map(|plane| &plane[y]);
             let [m, c, d, other_edge, other_point] = test.each_ref().map(|plane| &plane[y]);
-            std::array::from_fn(|x| {
+            let mut differences = [0.0; TILE];
+            for x in 0..TILE {
                 let color = self.colors.difference([l[x], a[x], b[x]], [m[x], c[x], d[x]]);
-                let feature = (edge[x] - other_edge[x]).abs().max((point[x] - other_point[x]).abs());
-                color::pow(color, 1.0 - color::pow(feature * std::f32::consts::FRAC_1_SQRT_2, QF))
-            })
+                let (edge, point) = ((edge[x] - other_edge[x]).abs(), (point[x] - other_point[x]).abs());
+                let feature = if edge > point { edge } else { point };
+                differences[x] = color::pow(color, 1.0 - (feature * std::f32::consts::FRAC_1_SQRT_2).sqrt());
+            }
+            differences
         };
         (0..TILE).map(row).collect()
     }
@@ -251,15 +251,28 @@ impl<'a> Light<'a> {
     /// Some columns of row `y`.
     fn row(self, y: usize, columns: &[usize; INPUT]) -> [[f32; INPUT]; 3] {
         let start = y * self.image().extent().width as usize;
-        let load = |domain: Domain| {
-            std::array::from_fn::<_, 3, _>(|channel| {
-                let plane = self.image().plane(domain, channel);
-                columns.map(|x| plane[start + x] as f32)
+        let load = |domain: Domain, light: &dyn Fn(&mut [f32; INPUT])| {
+            std::array::from_fn(|channel| {
+                let row = &self.image().plane(domain, channel)[start..];
+                let mut values = [0.0; INPUT];
+                for (value, &x) in values.iter_mut().zip(columns) {
+                    *value = row[x] as f32;
+                }
+                light(&mut values);
+                values
             })
         };
         match self {
-            Self::Displayed(_) => load(Domain::Display).map(|row| row.map(color::decode)),
-            Self::Exposed(_, factor) => load(Domain::Linear).map(|row| row.map(|c| color::aces(factor * c))),
+            Self::Displayed(_) => load(Domain::Display, &|row| {
+                for value in row {
+                    *value = color::decode(*value);
+                }
+            }),
+            Self::Exposed(_, factor) => load(Domain::Linear, &|row| {
+                for value in row {
+                    *value = color::aces(factor * *value);
+                }
+            }),
         }
     }
 }
