@@ -12,12 +12,16 @@ use crate::{
     image::{Extent, Image},
     sequence::frame::Rgb,
 };
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::{
     collections::{BTreeMap, BTreeSet},
     fmt,
+    ops::Range,
     str::FromStr,
+    sync::Arc,
 };
+use temporal::{Change, Step};
 
 pub mod display;
 mod flip;
@@ -30,11 +34,13 @@ mod squared_error;
 pub mod srgb;
 mod ssim;
 mod summary;
+mod temporal;
 mod value;
 
 pub use display::{Display, Tonemap};
 pub use shown::Shown;
 pub use summary::Summary;
+pub use temporal::{LateValue, Track};
 pub use value::{Value, Values};
 
 /// Which way a metric improves.
@@ -98,6 +104,22 @@ pub enum Metric {
     RelMse,
     /// Symmetric mean absolute relative error of linear values.
     Smape,
+    /// PSNR of changes from frame to frame.
+    Tpsnr,
+    /// PSNR of changes along the motion.
+    WarpedTpsnr,
+    /// Excess of change along the motion.
+    WarpExcess,
+    /// Change of the mean luma error.
+    Flicker,
+    /// Deviation over time of the luma error.
+    FlickerLocal,
+    /// Share of the previous frame left.
+    Ghost,
+    /// Share of a box blur.
+    Blur,
+    /// Frames until PSNR settles after a reset.
+    ConvergeFrames,
 }
 
 /// How a metric is computed: what to measure on a frame, and its value from that.
@@ -111,7 +133,7 @@ struct Definition {
 
 impl Metric {
     /// Every metric, in the order shown to people.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 24] = [
         Self::Mse,
         Self::Rmse,
         Self::Psnr,
@@ -128,6 +150,14 @@ impl Metric {
         Self::HdrFlip,
         Self::RelMse,
         Self::Smape,
+        Self::Tpsnr,
+        Self::WarpedTpsnr,
+        Self::WarpExcess,
+        Self::Flicker,
+        Self::FlickerLocal,
+        Self::Ghost,
+        Self::Blur,
+        Self::ConvergeFrames,
     ];
 
     const fn definition(self) -> &'static Definition {
@@ -148,6 +178,14 @@ impl Metric {
             Self::HdrFlip => &flip::HDR_FLIP,
             Self::RelMse => &relative_error::REL_MSE,
             Self::Smape => &relative_error::SMAPE,
+            Self::Tpsnr => &temporal::TPSNR,
+            Self::WarpedTpsnr => &temporal::WARPED_TPSNR,
+            Self::WarpExcess => &temporal::WARP_EXCESS,
+            Self::Flicker => &temporal::FLICKER,
+            Self::FlickerLocal => &temporal::FLICKER_LOCAL,
+            Self::Ghost => &temporal::GHOST,
+            Self::Blur => &temporal::BLUR,
+            Self::ConvergeFrames => &temporal::CONVERGE_FRAMES,
         }
     }
 
@@ -159,6 +197,24 @@ impl Metric {
     /// The stored id, such as `psnr.linear`.
     pub const fn id(self) -> &'static str {
         self.info().id
+    }
+
+    /// Whether it speaks of a sequence, and has no value for two images.
+    pub const fn is_temporal(self) -> bool {
+        matches!(
+            self.definition().quantity,
+            Quantity::Change(_) | Quantity::ErrorDeviation | Quantity::Convergence
+        )
+    }
+
+    /// Whether it follows the reference along its motion.
+    pub const fn needs_motion(self) -> bool {
+        matches!(self, Self::WarpedTpsnr | Self::WarpExcess)
+    }
+
+    /// Whether its values are known only after more frames, [`Track::finish`]; warm-up frames hold some of them.
+    pub const fn is_late(self) -> bool {
+        matches!(self, Self::FlickerLocal | Self::ConvergeFrames)
     }
 
     /// Whether images of this size are large enough for the metric's window.
@@ -232,6 +288,12 @@ pub enum MetricError {
         /// Size of the test image.
         test: Extent,
     },
+    /// Two images alone have no value.
+    #[error("`{metric}` needs a sequence of frames; leave the metric out")]
+    NeedsSequence {
+        /// The metric's id.
+        metric: &'static str,
+    },
     /// The image is smaller than the metric's window.
     #[error("`{metric}` needs at least {smallest}×{smallest} pixels, the image has {extent}; leave the metric out")]
     TooSmall {
@@ -283,6 +345,11 @@ enum Quantity {
     HdrFlip,
     RelativeSquaredError,
     SymmetricError,
+    Change(Change),
+    /// Over all frames.
+    ErrorDeviation,
+    /// Over the frames after a reset.
+    Convergence,
 }
 
 impl Quantity {
@@ -290,7 +357,7 @@ impl Quantity {
         match self {
             Self::SquaredError(domain) | Self::Ssim(domain) => domain,
             Self::MsSsim => Domain::Luma,
-            Self::Flip => Domain::Display,
+            Self::Flip | Self::Change(_) | Self::ErrorDeviation | Self::Convergence => Domain::Display,
             Self::HdrFlip | Self::RelativeSquaredError | Self::SymmetricError => Domain::Linear,
         }
     }
@@ -304,8 +371,14 @@ impl Quantity {
         }
     }
 
-    fn measure(self, reference: &Shown, test: &Shown) -> Sums {
-        match self {
+    /// `None` where the frames leave it undefined, or it is not a frame's.
+    fn measure(self, reference: &Shown, test: &Shown, step: Option<(&Step, &Shown)>) -> Option<Sums> {
+        Some(match self {
+            Self::Change(change) => {
+                let (step, previous_test) = step?;
+                return change.measure(step, reference, [test, previous_test]);
+            }
+            Self::ErrorDeviation | Self::Convergence => return None,
             Self::SquaredError(domain) => squared_error::measure(domain, reference, test),
             Self::Ssim(domain) => ssim::measure(domain, reference, test),
             Self::MsSsim => ms_ssim::measure(reference, test),
@@ -313,7 +386,7 @@ impl Quantity {
             Self::HdrFlip => flip::sums(flip::hdr_map(reference, test)),
             Self::RelativeSquaredError => relative_error::measure_squared(reference, test),
             Self::SymmetricError => relative_error::measure_symmetric(reference, test),
-        }
+        })
     }
 }
 
@@ -322,7 +395,7 @@ impl Quantity {
 struct Sums {
     /// Σ of the quantity.
     total: f64,
-    /// Σ R², with squared errors of display values only.
+    /// Σ R² with squared errors of display values; the second factor of a fit.
     reference: f64,
     /// How many samples.
     n: usize,
@@ -355,18 +428,30 @@ pub struct FrameScores {
 
 /// A reference frame, prepared once and shared by every preset that is compared with it.
 pub struct Reference {
-    shown: Shown,
+    shown: Arc<Shown>,
     display: Display,
     metrics: Vec<Metric>,
+    step: Option<Step>,
 }
 
 impl Reference {
     /// Prepares the linear RGB image `linear` for `metrics` after `display`.
     pub fn new(linear: &Image<Rgb>, display: Display, metrics: &[Metric]) -> Self {
         Self {
-            shown: Shown::from_linear(linear, display, metrics),
+            shown: Arc::new(Shown::from_linear(linear, display, metrics)),
             display,
             metrics: metrics.to_vec(),
+            step: None,
+        }
+    }
+
+    /// The same as the frame after `previous`, with its motion where that is known: what [`Track`] needs.
+    pub fn follow(self, previous: &Self, motion_px: Option<&Image<[f32; 2]>>) -> Self {
+        let wanted = self.metrics.iter().any(|metric| metric.needs_motion());
+        let motion_px = motion_px.filter(|_| wanted);
+        Self {
+            step: Some(Step::new(Arc::clone(&previous.shown), &self.shown, motion_px)),
+            ..self
         }
     }
 
@@ -387,14 +472,28 @@ impl Reference {
 /// When either was prepared for other metrics, which read values it does not hold: a caller's mistake, never a user's.
 pub fn evaluate(metrics: &[Metric], reference: &Shown, test: &Shown) -> Result<FrameScores, MetricError> {
     check_sizes(metrics, reference.extent(), test.extent())?;
+    match metrics.iter().find(|metric| metric.is_temporal()) {
+        Some(metric) => Err(MetricError::NeedsSequence { metric: metric.id() }),
+        None => Ok(measure(metrics, reference, test, None)),
+    }
+}
+
+/// The values of `metrics`, with temporal ones where `step` leads here from a previous image under test.
+fn measure(metrics: &[Metric], reference: &Shown, test: &Shown, step: Option<(&Step, &Shown)>) -> FrameScores {
     let non_finite_pixels = reference.count_non_finite(test);
-    let measure = |quantity: Quantity| match non_finite_pixels {
-        0 => quantity.measure(reference, test),
-        _ => Sums::unknown(),
+    let is_finite = |quantity: Quantity| match (quantity, step) {
+        (Quantity::Change(_), Some((step, previous))) => non_finite_pixels == 0 && step.is_finite(previous),
+        _ => non_finite_pixels == 0,
     };
     let measured = quantities(metrics)
         .into_iter()
-        .map(|quantity| (quantity, measure(quantity)))
+        .filter_map(|quantity| {
+            let sums = match is_finite(quantity) {
+                true => quantity.measure(reference, test, step)?,
+                false => Sums::unknown(),
+            };
+            Some((quantity, sums))
+        })
         .collect();
     let mut values = values(metrics, &measured);
     if non_finite_pixels == 0 && metrics.contains(&Metric::HdrFlip) {
@@ -402,10 +501,18 @@ pub fn evaluate(metrics: &[Metric], reference: &Shown, test: &Shown) -> Result<F
         values.insert(flip::START_EXPOSURE, Value(exposures.start));
         values.insert(flip::STOP_EXPOSURE, Value(exposures.stop));
     }
-    Ok(FrameScores {
+    FrameScores {
         values,
         non_finite_pixels,
-    })
+    }
+}
+
+/// Sums over the pixels of each row, added from top to bottom, so that they do not depend on the number of threads.
+fn sum_in_rows<const N: usize>(extent: Extent, row_sums: impl Fn(Range<usize>) -> [f64; N] + Sync) -> [f64; N] {
+    let width = extent.width as usize;
+    let rows = (0..extent.height as usize).into_par_iter();
+    let rows: Vec<[f64; N]> = rows.map(|y| row_sums(y * width..(y + 1) * width)).collect();
+    std::array::from_fn(|i| rows.iter().map(|sums| sums[i]).sum())
 }
 
 fn check_sizes(metrics: &[Metric], reference: Extent, test: Extent) -> Result<(), MetricError> {
@@ -419,13 +526,14 @@ fn quantities(metrics: &[Metric]) -> BTreeSet<Quantity> {
     metrics.iter().map(|metric| metric.definition().quantity).collect()
 }
 
-/// The value of each of `metrics`, whose quantities were all measured.
+/// The value of each of `metrics` whose quantity was measured.
 fn values(metrics: &[Metric], measured: &BTreeMap<Quantity, Sums>) -> Values {
     let value = |metric: &Metric| {
         let definition = metric.definition();
-        (metric.id(), Value((definition.value)(&measured[&definition.quantity])))
+        let sums = measured.get(&definition.quantity)?;
+        Some((metric.id(), Value((definition.value)(sums))))
     };
-    metrics.iter().map(value).collect()
+    metrics.iter().filter_map(value).collect()
 }
 
 #[cfg(test)]

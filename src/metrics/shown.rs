@@ -26,12 +26,14 @@ pub struct Shown {
     n_non_finite: u64,
 }
 
-/// What metrics derive from a reference alone: made at the first use, and shared by every image compared with it.
+/// What metrics derive from one image alone: made at the first use. Of a reference every image compared with it shares
+/// them; of an image under test the next frame does.
 #[derive(Default)]
 struct Reused {
     seen: OnceLock<SeenImage>,
     exposures: OnceLock<Exposures>,
     pyramid: OnceLock<Pyramid>,
+    luma: OnceLock<Vec<f64>>,
 }
 
 impl Shown {
@@ -79,6 +81,15 @@ impl Shown {
 
     pub(super) fn exposures(&self) -> Exposures {
         *self.reused.exposures.get_or_init(|| Exposures::of(self))
+    }
+
+    /// The whole plane of [`Domain::Luma`].
+    pub(super) fn luma(&self) -> &[f64] {
+        self.reused.luma.get_or_init(|| {
+            let [r, g, b] = &self.display;
+            let luma = (0..r.len()).into_par_iter().map(|i| display::luma([r[i], g[i], b[i]]));
+            luma.collect()
+        })
     }
 
     pub(super) fn pyramid(&self) -> &Pyramid {

@@ -81,13 +81,18 @@ const fn psnr(id: &'static str, domain: Domain, value: fn(&Sums) -> f64, descrip
         },
         quantity: Quantity::SquaredError(domain),
         value,
-        relative_mse: Some(|db| libm::pow(10.0, -0.1 * db)),
+        relative_mse: Some(relative_mse),
     }
 }
 
 /// 10·log10(peak² / mse); +∞ for equal images.
 pub(super) fn psnr_db(mse: f64, peak: f64) -> f64 {
     10.0 * libm::log10(peak * peak / mse)
+}
+
+/// The mean squared error over peak² of a PSNR.
+pub(super) fn relative_mse(psnr_db: f64) -> f64 {
+    libm::pow(10.0, -0.1 * psnr_db)
 }
 
 fn snr_db(sums: &Sums) -> f64 {

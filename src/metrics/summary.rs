@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// One metric over the frames of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Mean of the finite frames. Where there are none, the infinity that all frames share, or NaN.
+    /// Mean of the finite frames; of `flicker` their root mean square. Where there are none, the infinity that all frames share, or NaN.
     pub mean: Value,
     /// Smallest value of all frames but NaN ones.
     pub min: Value,
@@ -28,7 +28,7 @@ impl Summary {
         known.sort_by(f64::total_cmp);
         let finite: Vec<f64> = known.iter().copied().filter(|value| value.is_finite()).collect();
         Self {
-            mean: Value(mean(if finite.is_empty() { &known } else { &finite })),
+            mean: Value(center(metric, if finite.is_empty() { &known } else { &finite })),
             min: Value(known.first().copied().unwrap_or(f64::NAN)),
             p5: Value(percentile(&known, 0.05)),
             pooled: pool(metric, &known),
@@ -36,6 +36,14 @@ impl Summary {
             nan: nan.len(),
         }
     }
+}
+
+/// What stands for all values.
+fn center(metric: Metric, values: &[f64]) -> f64 {
+    if metric == Metric::Flicker {
+        return (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
+    }
+    mean(values)
 }
 
 fn mean(values: &[f64]) -> f64 {

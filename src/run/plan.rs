@@ -87,9 +87,13 @@ impl Plan {
             metric
                 .check_size(sequence.output_size())
                 .map_err(|cause| RunError::Input(format!("metrics: {cause}")))?;
+            if metric.needs_motion() && !available.motion {
+                let message = format!("metrics: `{metric}` needs motion, which the sequence does not have");
+                return Err(RunError::Input(message));
+            }
         }
         let plan = Self {
-            channels: channels(&systems, available, !metrics.is_empty()),
+            channels: channels(&systems, available, &metrics),
             systems,
             metrics,
             prepared,
@@ -128,12 +132,13 @@ fn check_sizes(sequence: &Sequence) -> Result<(), RunError> {
     }
 }
 
-fn channels(systems: &[System], available: Channels, wants_reference: bool) -> Channels {
-    let reference = Channels {
-        reference: wants_reference,
+fn channels(systems: &[System], available: Channels, metrics: &[Metric]) -> Channels {
+    let scored = Channels {
+        reference: !metrics.is_empty(),
+        motion: metrics.iter().any(|metric| metric.needs_motion()),
         ..Channels::default()
     };
-    systems.iter().fold(reference, |all, System { recipe, .. }| {
+    systems.iter().fold(scored, |all, System { recipe, .. }| {
         let optional = recipe.optional_channels().intersection(available);
         all.union(recipe.required_channels()).union(optional)
     })

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     gpu::{Gpu, Readback, Times},
     image::Image,
-    metrics::{FrameScores, Metric, Reference, Summary, Value, gpu::Recorded},
+    metrics::{FrameScores, LateValue, Metric, Reference, Summary, Track, Value, gpu::Recorded},
     sequence::{Frame, Sequence, frame::Rgb},
 };
 use std::{
@@ -43,8 +43,8 @@ pub struct Shown {
 }
 
 /// One preset's frames so far, and every time measured on its passes after warm-up.
-#[derive(Default)]
 struct Gathered {
+    track: Track,
     frames: Vec<FrameReport>,
     pass_times_ms: BTreeMap<&'static str, Vec<f64>>,
 }
@@ -59,6 +59,8 @@ pub struct Scorer<'a> {
     /// Where images go, if anyone wants them.
     keep: Option<SyncSender<Shown>>,
     gathered: Vec<Gathered>,
+    /// Of the previous frame.
+    reference: Option<Reference>,
     stages_ms: BTreeMap<&'static str, f64>,
     /// Frames since the last reset.
     age: usize,
@@ -75,16 +77,17 @@ impl<'a> Scorer<'a> {
     ) -> Self {
         Self {
             plan,
-            metrics,
             sequence,
             gpu,
             observer,
             keep,
-            gathered: plan.systems.iter().map(|_| Gathered::default()).collect(),
+            gathered: plan.systems.iter().map(|_| Gathered::new(&metrics)).collect(),
+            reference: None,
             stages_ms: ["decode", "upload", "gpu", "readback", "metrics"]
                 .map(|stage| (stage, 0.0))
                 .into(),
             age: 0,
+            metrics,
         }
     }
 
@@ -115,7 +118,11 @@ impl<'a> Scorer<'a> {
         self.add("metrics", metric_pass_ms.iter().sum());
         let (reference, reference_ms) = timed(|| {
             let linear = frame.reference.as_ref().filter(|_| !self.metrics.is_empty())?;
-            Some(Reference::new(linear, self.sequence.display(), &self.metrics))
+            let reference = Reference::new(linear, self.sequence.display(), &self.metrics);
+            Some(match self.reference.take().filter(|_| self.age > 0) {
+                Some(previous) => reference.follow(&previous, frame.motion_px.as_ref()),
+                None => reference,
+            })
         });
         self.add("metrics", reference_ms);
         for index in 0..self.plan.systems.len() {
@@ -125,6 +132,7 @@ impl<'a> Scorer<'a> {
             self.observer
                 .progress(frame.index * n_systems + index + 1, self.plan.n_frames * n_systems);
         }
+        self.reference = reference;
         Ok(())
     }
 
@@ -141,7 +149,16 @@ impl<'a> Scorer<'a> {
             Some(submitted.readback.rgb(*slot, self.sequence.output_size()))
         });
         let image = image.transpose()?;
-        let (scores, metrics_ms) = timed(|| scores(submitted, index, reference, image.as_ref()));
+        let warmup = self.age < self.sequence.warmup_frames();
+        let track = &mut self.gathered[index].track;
+        let (scores, metrics_ms) = timed(|| {
+            let computed = reference.zip(image.as_ref());
+            let computed = computed.map(|(reference, image)| track.score(reference, image, !warmup));
+            let computed = computed
+                .transpose()
+                .map_err(|error| RunError::Input(error.to_string()))?;
+            scores(submitted, index, computed, image.as_ref())
+        });
         let scores = scores?;
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
@@ -154,7 +171,6 @@ impl<'a> Scorer<'a> {
             keep.send(shown)
                 .map_err(|_| RunError::Internal("the writer stopped".to_owned()))?;
         }
-        let warmup = self.age < self.sequence.warmup_frames();
         let mut times_ms = self.gather_times(index, pass_ms, warmup);
         times_ms.extend(
             [
@@ -257,20 +273,42 @@ impl<'a> Scorer<'a> {
                 .systems
                 .iter()
                 .zip(self.gathered)
-                .map(|(system, gathered)| PresetReport {
-                    preset: system.preset.clone(),
-                    parameters: system.recipe.to_json(),
-                    notes: system.notes.clone(),
-                    summary: summaries(&plan.metrics, &gathered.frames),
-                    times_ms: gathered
-                        .pass_times_ms
-                        .iter()
+                .map(|(system, gathered)| {
+                    let times_ms = gathered.pass_times_ms.iter();
+                    let times_ms = times_ms
                         .filter_map(|(pass, ms)| Some(((*pass).to_owned(), summary(ms)?)))
-                        .collect(),
-                    frames: gathered.frames,
+                        .collect();
+                    let frames = gathered.finish();
+                    PresetReport {
+                        preset: system.preset.clone(),
+                        parameters: system.recipe.to_json(),
+                        notes: system.notes.clone(),
+                        summary: summaries(&plan.metrics, &frames),
+                        times_ms,
+                        frames,
+                    }
                 })
                 .collect(),
         }
+    }
+}
+
+impl Gathered {
+    fn new(metrics: &[Metric]) -> Self {
+        Self {
+            track: Track::new(metrics),
+            frames: Vec::new(),
+            pass_times_ms: BTreeMap::new(),
+        }
+    }
+
+    /// Every frame with all its values.
+    fn finish(self) -> Vec<FrameReport> {
+        let mut frames = self.frames;
+        for LateValue { frame, id, value } in self.track.finish() {
+            frames[frame].metrics.insert(id.to_owned(), value);
+        }
+        frames
     }
 }
 
@@ -278,18 +316,13 @@ impl<'a> Scorer<'a> {
 fn scores(
     submitted: &Submitted,
     index: usize,
-    reference: Option<&Reference>,
+    computed: Option<FrameScores>,
     image: Option<&Image<Rgb>>,
 ) -> Result<FrameScores, RunError> {
     let recorded = submitted.recorded.get(index);
     let recorded = recorded
         .map(|recorded| recorded.scores(&submitted.readback))
         .transpose()?;
-    let image = || image.expect("read back where the host computes metrics, or nothing does");
-    let computed = reference
-        .map(|reference| reference.evaluate(image()))
-        .transpose()
-        .map_err(|error| RunError::Input(error.to_string()))?;
     Ok(match (recorded, computed) {
         (Some(mut scores), Some(computed)) => {
             scores.values.extend(computed.values);
@@ -298,7 +331,7 @@ fn scores(
         (Some(scores), None) | (None, Some(scores)) => scores,
         (None, None) => FrameScores {
             values: BTreeMap::new(),
-            non_finite_pixels: count_non_finite(image()),
+            non_finite_pixels: count_non_finite(image.expect("read back where nothing computes metrics")),
         },
     })
 }
@@ -313,8 +346,8 @@ fn summaries(metrics: &[Metric], frames: &[FrameReport]) -> BTreeMap<String, Sum
     metrics
         .iter()
         .map(|metric| {
-            let settled = frames.iter().filter(|frame| !frame.warmup);
-            let values = settled.filter_map(|frame| value(frame, metric)).collect::<Vec<Value>>();
+            let counted = frames.iter().filter(|frame| !frame.warmup || metric.is_late());
+            let values = counted.filter_map(|frame| value(frame, metric)).collect::<Vec<Value>>();
             (metric.id().to_owned(), Summary::new(*metric, values))
         })
         .collect()

@@ -14,5 +14,6 @@ mod sequence;
 mod shaders;
 mod store;
 mod support;
+mod temporal;
 mod tidy;
 mod web;

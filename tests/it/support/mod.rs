@@ -160,9 +160,9 @@ pub fn perfect(metric: Metric) -> f64 {
     }
 }
 
-/// Every metric that images of this size are large enough for.
+/// Every metric of two images that are of this size.
 pub fn metrics_for(extent: Extent) -> Vec<Metric> {
-    let suits = |metric: &Metric| metric.check_size(extent).is_ok();
+    let suits = |metric: &Metric| !metric.is_temporal() && metric.check_size(extent).is_ok();
     Metric::ALL.into_iter().filter(suits).collect()
 }
 

@@ -1,0 +1,186 @@
+//! Temporal metrics against sequences whose answers are known by hand, and against defects that they must see.
+
+use crate::support::noise;
+use afterimage::{
+    image::{Extent, Image},
+    metrics::{Display, FrameScores, LateValue, Metric, Reference, Track, display::linear_from_srgb},
+    sequence::frame::Rgb,
+};
+
+const EXTENT: Extent = Extent::new(48, 32);
+const TEMPORAL: [Metric; 8] = [
+    Metric::Tpsnr,
+    Metric::WarpedTpsnr,
+    Metric::WarpExcess,
+    Metric::Flicker,
+    Metric::FlickerLocal,
+    Metric::Ghost,
+    Metric::Blur,
+    Metric::ConvergeFrames,
+];
+
+/// A smooth grey pattern, moved right by `shift` pixels.
+fn pattern(x: f64, y: f64, shift: f64) -> f64 {
+    0.5 + 0.2 * libm::sin(0.35 * (x - shift)) + 0.15 * libm::cos(0.5 * y + 0.2 * (x - shift))
+}
+
+/// The linear image that shows these grey display values.
+fn grey(display: impl Fn(u32, u32) -> f64 + Sync) -> Image<Rgb> {
+    Image::from_fn(EXTENT, |x, y| [linear_from_srgb(display(x, y)) as f32; 3])
+}
+
+fn reference(index: usize, speed: f64) -> Image<Rgb> {
+    grey(|x, y| pattern(x.into(), y.into(), speed * index as f64))
+}
+
+/// Scores `n_frames` of a pattern that moves right, against what `test` makes of them. Resets at `resets`.
+fn run(
+    n_frames: usize,
+    speed: f64,
+    resets: &[usize],
+    test: impl Fn(usize) -> Image<Rgb>,
+) -> (Vec<FrameScores>, Vec<LateValue>) {
+    let motion = Image::filled(EXTENT, [-speed as f32, 0.0]);
+    let mut track = Track::new(&TEMPORAL);
+    let mut previous = None;
+    let mut scores = Vec::new();
+    for index in 0..n_frames {
+        let mut frame = Reference::new(&reference(index, speed), Display::default(), &TEMPORAL);
+        if let Some(previous) = previous.filter(|_| !resets.contains(&index)) {
+            frame = frame.follow(&previous, Some(&motion));
+        }
+        scores.push(track.score(&frame, &test(index), true).unwrap());
+        previous = Some(frame);
+    }
+    (scores, track.finish())
+}
+
+#[track_caller]
+fn assert_near(actual: f64, expected: f64) {
+    assert!((actual - expected).abs() < 1e-5, "{actual}, not {expected}");
+}
+
+#[test]
+fn flicker_of_a_still_image_by_hand() {
+    let amplitude = 0.02;
+    let sign = |index: usize| if index.is_multiple_of(2) { amplitude } else { -amplitude };
+    let (scores, late) = run(6, 0.0, &[], |index| {
+        grey(|x, y| pattern(x.into(), y.into(), 0.0) + sign(index))
+    });
+    assert!(scores[0].values.is_empty(), "nothing comes before: {:?}", scores[0]);
+    for scores in &scores[1..] {
+        let value = |id: &str| scores.values[id].0;
+        let step_db = -20.0 * libm::log10(2.0 * amplitude);
+        assert!((value("tpsnr") - step_db).abs() < 1e-3);
+        assert!((value("warped_tpsnr") - step_db).abs() < 1e-3);
+        assert_near(value("warp_excess"), 2.0 * amplitude);
+        assert_near(value("flicker"), 2.0 * amplitude);
+        assert!(
+            !scores.values.contains_key("ghost"),
+            "a still reference leaves no ghost"
+        );
+    }
+    let [
+        LateValue {
+            frame: 5,
+            id: "flicker.local",
+            value,
+        },
+    ] = late[..]
+    else {
+        panic!("{late:?}");
+    };
+    assert_near(value.0, amplitude);
+}
+
+#[test]
+fn ghost_and_blur_are_told_apart() {
+    let (ghost, blur) = (0.2, 0.35);
+    let box3 = |x: u32, y: u32, shift: f64| {
+        let clamp = |at: u32, by: i32, size: u32| f64::from((at as i32 + by).clamp(0, size as i32 - 1));
+        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+        let sum: f64 = around
+            .map(|(dx, dy)| pattern(clamp(x, dx, EXTENT.width), clamp(y, dy, EXTENT.height), shift))
+            .sum();
+        sum / 9.0
+    };
+    let (scores, _) = run(4, 1.0, &[], |index| {
+        grey(|x, y| {
+            let now = pattern(x.into(), y.into(), index as f64);
+            let before = pattern(x.into(), y.into(), index as f64 - 1.0);
+            now + ghost * (before - now) + blur * (box3(x, y, index as f64) - now)
+        })
+    });
+    for scores in &scores[1..] {
+        assert!((scores.values["ghost"].0 - ghost).abs() < 1e-4, "{scores:?}");
+        assert!((scores.values["blur"].0 - blur).abs() < 1e-4, "{scores:?}");
+    }
+}
+
+#[test]
+fn along_the_motion_a_pan_does_not_change() {
+    let (scores, late) = run(5, 1.0, &[3], |index| reference(index, 1.0));
+    for (index, scores) in scores.iter().enumerate() {
+        if index == 0 || index == 3 {
+            assert!(scores.values.is_empty(), "frame {index} follows none: {scores:?}");
+            continue;
+        }
+        assert_eq!(scores.values["warped_tpsnr"].0, f64::INFINITY);
+        assert_eq!(scores.values["tpsnr"].0, f64::INFINITY);
+        for id in ["warp_excess", "flicker", "ghost", "blur"] {
+            assert_eq!(scores.values[id].0, 0.0, "{id}");
+        }
+    }
+    assert_eq!(late.len(), 1, "no stretch is long enough to converge: {late:?}");
+}
+
+#[test]
+fn noise_along_the_motion_is_an_excess_and_a_blur_is_a_lack() {
+    let noisy = |index: usize| {
+        grey(|x, y| pattern(x.into(), y.into(), 0.5 * index as f64) + 0.05 * f64::from(noise(x, y, index as u32) - 0.5))
+    };
+    let (scores, _) = run(3, 0.5, &[], noisy);
+    assert!(scores[2].values["warp_excess"].0 > 0.01, "{:?}", scores[2]);
+    // Half a pixel's interpolation changes the reference; a flat image does not change at all.
+    let (scores, _) = run(3, 0.5, &[], |_| grey(|_, _| 0.5));
+    assert!(scores[2].values["warp_excess"].0 < 0.0, "{:?}", scores[2]);
+}
+
+#[test]
+fn frames_to_converge_by_hand() {
+    // 20 dB at first, 3 dB more with every frame up to the tenth, the same from there on.
+    let error = |age: usize| 0.1 * libm::pow(10.0, -3.0 / 20.0 * age.min(10) as f64);
+    let resets = [0, 40];
+    let (_, late) = run(73, 0.0, &resets, |index| {
+        let age = if index < 40 { index } else { index - 40 };
+        grey(|x, y| pattern(x.into(), y.into(), 0.0) + error(age))
+    });
+    let converged: Vec<_> = late.iter().filter(|late| late.id == "converge_frames").collect();
+    let found: Vec<_> = converged.iter().map(|late| (late.frame, late.value.0)).collect();
+    assert_eq!(found, [(0, 10.0), (40, 10.0)]);
+}
+
+/// A bad pixel spoils its frame and the change to the next one, and no other.
+#[test]
+fn a_non_finite_pixel_spoils_two_changes() {
+    let (scores, late) = run(5, 1.0, &[], |index| {
+        let mut image = reference(index, 1.0);
+        if index == 2 {
+            image.pixels_mut()[77][1] = f32::NAN;
+        }
+        image
+    });
+    let bad: Vec<bool> = scores[1..]
+        .iter()
+        .map(|scores| scores.values["tpsnr"].0.is_nan())
+        .collect();
+    assert_eq!(bad, [false, true, true, false]);
+    assert!(late[0].value.0.is_nan(), "{late:?}");
+}
+
+#[test]
+fn two_images_have_no_temporal_value() {
+    let image = reference(0, 0.0);
+    let error = Reference::new(&image, Display::default(), &[Metric::Flicker]).evaluate(&image);
+    assert!(error.unwrap_err().to_string().contains("`flicker` needs a sequence"));
+}
