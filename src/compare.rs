@@ -12,6 +12,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     ffi::OsString,
     path::{Path, PathBuf},
+    str::FromStr,
 };
 
 /// What to compare by.
@@ -21,6 +22,31 @@ pub struct Criteria {
     pub metrics: Vec<Metric>,
     /// How float files are shown. 8- and 16-bit files are shown as they are.
     pub display: Display,
+}
+
+/// A bound that every pair must keep, written `METRIC=VALUE`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    /// Of which metric.
+    pub metric: Metric,
+    /// The last value that is still good.
+    pub bound: f64,
+}
+
+impl FromStr for Limit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (metric, bound) = text.split_once('=').ok_or("needs the form METRIC=VALUE")?;
+        let bound: f64 = bound.parse().map_err(|error| format!("`{bound}`: {error}"))?;
+        if bound.is_nan() {
+            return Err("nothing is above or below NaN".to_owned());
+        }
+        Ok(Self {
+            metric: metric.parse().map_err(|error: MetricError| error.to_string())?,
+            bound,
+        })
+    }
 }
 
 /// The outcome, in the form of the command's JSON.
@@ -112,6 +138,21 @@ pub fn compare(
 }
 
 impl Comparison {
+    /// Whether every pair has at least each of `min` and at most each of `max`. NaN has neither.
+    ///
+    /// # Panics
+    /// When the comparison was not asked for one of these metrics: a caller's mistake, never a user's.
+    pub fn keeps(&self, min: &[Limit], max: &[Limit]) -> bool {
+        let pair_keeps = |scores: &Scores| {
+            let value = |limit: &Limit| scores.metrics[limit.metric.id()].0;
+            min.iter().all(|limit| value(limit) >= limit.bound) && max.iter().all(|limit| value(limit) <= limit.bound)
+        };
+        match self {
+            Self::Images(scores) => pair_keeps(scores),
+            Self::Folders { frames, .. } => frames.iter().all(|frame| pair_keeps(&frame.scores)),
+        }
+    }
+
     /// Pixels with a NaN or an infinity in all pairs together; any at all means that the comparison failed.
     pub fn non_finite_pixels(&self) -> u64 {
         match self {

@@ -2,7 +2,7 @@
 
 use super::{JsonTarget, print, run::file_reader, table};
 use afterimage::{
-    compare::{self, Comparison, Criteria},
+    compare::{self, Comparison, Criteria, Limit},
     image::files::Backend,
     metrics::{Display, Metric, Tonemap},
 };
@@ -14,8 +14,10 @@ use std::path::PathBuf;
   afterimage compare reference.png output.png
   afterimage compare reference/ output/ --metrics psnr,ssim --json -
   afterimage compare reference.exr output.exr --exposure 2 --tonemap aces
+  afterimage compare reference/ output/ --min psnr=38 --max flip=0.05
 
-8- and 16-bit files are compared as they are; float files are linear and are shown by --exposure and --tonemap first.")]
+8- and 16-bit files are compared as they are; float files are linear and are shown by --exposure and --tonemap first.
+Exit status: 0 all limits are kept, 1 one is not or a pixel is not finite, 2 wrong use or bad input.")]
 pub struct Arguments {
     /// The truth: an image or a folder
     reference: PathBuf,
@@ -24,6 +26,12 @@ pub struct Arguments {
     /// Metrics, separated by commas
     #[arg(long, value_name = "METRICS", value_delimiter = ',', default_value = "psnr,ssim")]
     metrics: Vec<Metric>,
+    /// Fail where a pair has less: METRIC=VALUE, separated by commas
+    #[arg(long, value_name = "LIMITS", value_delimiter = ',')]
+    min: Vec<Limit>,
+    /// Fail where a pair has more: METRIC=VALUE, separated by commas
+    #[arg(long, value_name = "LIMITS", value_delimiter = ',')]
+    max: Vec<Limit>,
     /// Factor on linear colour before tone mapping
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     exposure: f64,
@@ -44,8 +52,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         arguments.exposure.is_finite() && arguments.exposure > 0.0,
         "--exposure: must be above 0"
     );
+    let mut metrics = arguments.metrics.clone();
+    for Limit { metric, .. } in arguments.min.iter().chain(&arguments.max) {
+        if !metrics.contains(metric) {
+            metrics.push(*metric);
+        }
+    }
     let criteria = Criteria {
-        metrics: arguments.metrics.clone(),
+        metrics,
         display: Display {
             exposure: arguments.exposure,
             tonemap: arguments.tonemap,
@@ -59,7 +73,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     if !JsonTarget::takes_stdout(arguments.json.as_ref()) {
         print(&show(&comparison, &criteria.metrics));
     }
-    Ok(comparison.non_finite_pixels() == 0)
+    Ok(comparison.non_finite_pixels() == 0 && comparison.keeps(&arguments.min, &arguments.max))
 }
 
 fn show(comparison: &Comparison, metrics: &[Metric]) -> String {

@@ -37,6 +37,9 @@ pub struct Arguments {
     /// How image files are read: openexr and png natively and the rest by OpenImageIO, or all by one of them
     #[arg(long, value_enum, default_value = "auto")]
     decoder: Decoder,
+    /// Where metrics are computed; auto: on the GPU where the adapter is one
+    #[arg(long, value_enum, default_value = "auto")]
+    metrics_on: Where,
     /// Write the report as JSON to a file, or to standard output for `-`
     #[arg(long, value_name = "FILE")]
     json: Option<JsonTarget>,
@@ -72,6 +75,13 @@ pub struct What {
 enum History {
     F16,
     F32,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Where {
+    Auto,
+    Cpu,
+    Gpu,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -143,7 +153,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         Decoder::Native => Backend::Native,
         Decoder::Openimageio => Backend::OpenImageIo,
     });
-    let spec = arguments.what.spec()?;
+    let spec = RunSpec {
+        metrics_on: match arguments.metrics_on {
+            Where::Auto => MetricsOn::Auto,
+            Where::Cpu => MetricsOn::Cpu,
+            Where::Gpu => MetricsOn::Gpu,
+        },
+        ..arguments.what.spec()?
+    };
     let sequence = Sequence::open(&arguments.manifest, &reader)?;
     run::validate(&spec, &sequence)?;
     let gpu = Gpu::open(arguments.adapter.as_deref())?;

@@ -161,6 +161,30 @@ fn compare_says_no_to_bad_pixels() {
 }
 
 #[test]
+fn compare_says_no_beyond_its_limits() {
+    let golden = |name: &str| format!("{}/fixtures/golden/{name}", env!("CARGO_MANIFEST_DIR"));
+    let [reference, test] = ["base_ref.png", "noise_test.png"].map(golden);
+    // PSNR 26.9 dB, FLIP 0.1001.
+    for (limits, status) in [
+        (&["--min", "psnr=26.9", "--max", "flip=0.101"][..], 0),
+        (&["--min", "psnr=27"], 1),
+        (&["--max", "flip=0.1"], 1),
+        (&["--min", "psnr=26.9,ssim=0.99"], 1),
+        (&["--min", "psnr"], 2),
+        (&["--min", "pnsr=30"], 2),
+        (&["--min", "tpsnr=30"], 2),
+    ] {
+        let output = afterimage(&[&["compare", reference.as_str(), test.as_str()], limits].concat());
+        assert_eq!(
+            output.status.code(),
+            Some(status),
+            "{limits:?}: {}",
+            text(&output.stderr)
+        );
+    }
+}
+
+#[test]
 fn lists_are_complete_in_both_forms() {
     for (what, some) in [
         ("presets", "salvi2016"),
