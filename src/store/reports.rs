@@ -15,12 +15,14 @@ impl Store {
     pub async fn finish(&self, claim: &Claim, report: &Report, now: Timestamp) -> Result<Vec<i64>, StoreError> {
         let mut transaction = self.writer.begin().await?;
         let done = sqlx::query(
-            "UPDATE jobs SET status = 'done', lease_until = NULL, finished_at = ?1, n_done = n_total
+            "UPDATE jobs SET status = 'done', lease_until = NULL, finished_at = ?1, n_done = ?4, n_total = ?4
              WHERE id = ?2 AND lease = ?3 AND status = 'running'",
         )
         .bind(now)
         .bind(claim.job_id)
         .bind(claim.lease)
+        // A short job may end before its progress was ever stored.
+        .bind(report.reports.iter().map(|preset| preset.frames.len() as i64).sum::<i64>())
         .execute(&mut *transaction)
         .await?;
         if done.rows_affected() == 0 {
