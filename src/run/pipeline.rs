@@ -52,7 +52,8 @@ pub fn run(
         let writer = scope.spawn(move || write(&kept, observer));
         let (on_device, on_host) = split_metrics(plan, spec, gpu);
         let reads_images = observer.wants_output() || on_device.is_empty() || !on_host.is_empty();
-        let scorer = scope.spawn(move || Scorer::new(plan, on_host, sequence, gpu, observer, keep).score_all(&submitted));
+        let scorer =
+            scope.spawn(move || Scorer::new(plan, on_host, sequence, gpu, observer, keep).score_all(&submitted));
         let resolved = Stage::new(plan, spec, sequence, gpu, &on_device, reads_images)
             .and_then(|mut stage| stage.resolve_all(&frames, observer, &send));
         // Each thread ends when the channel before it closes, or the one after it.
