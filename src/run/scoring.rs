@@ -341,14 +341,15 @@ fn count_non_finite(image: &Image<Rgb>) -> u64 {
     image.pixels().iter().filter(is_bad).count() as u64
 }
 
+/// Of every metric that has a value in a frame that counts.
 fn summaries(metrics: &[Metric], frames: &[FrameReport]) -> BTreeMap<String, Summary> {
     let value = |frame: &FrameReport, metric: &Metric| frame.metrics.get(metric.id()).copied();
     metrics
         .iter()
-        .map(|metric| {
+        .filter_map(|metric| {
             let counted = frames.iter().filter(|frame| !frame.warmup || metric.is_late());
             let values = counted.filter_map(|frame| value(frame, metric)).collect::<Vec<Value>>();
-            (metric.id().to_owned(), Summary::new(*metric, values))
+            (!values.is_empty()).then(|| (metric.id().to_owned(), Summary::new(*metric, values)))
         })
         .collect()
 }

@@ -22,7 +22,13 @@ impl Store {
         .bind(claim.job_id)
         .bind(claim.lease)
         // A short job may end before its progress was ever stored.
-        .bind(report.reports.iter().map(|preset| preset.frames.len() as i64).sum::<i64>())
+        .bind(
+            report
+                .reports
+                .iter()
+                .map(|preset| preset.frames.len() as i64)
+                .sum::<i64>(),
+        )
         .execute(&mut *transaction)
         .await?;
         if done.rows_affected() == 0 {
