@@ -138,18 +138,35 @@ pub fn compare(
 }
 
 impl Comparison {
-    /// Whether every pair has at least each of `min` and at most each of `max`. NaN has neither.
+    /// A line for each pair and limit that it does not keep; NaN keeps none.
     ///
     /// # Panics
     /// When the comparison was not asked for one of these metrics: a caller's mistake, never a user's.
-    pub fn keeps(&self, min: &[Limit], max: &[Limit]) -> bool {
-        let pair_keeps = |scores: &Scores| {
-            let value = |limit: &Limit| scores.metrics[limit.metric.id()].0;
-            min.iter().all(|limit| value(limit) >= limit.bound) && max.iter().all(|limit| value(limit) <= limit.bound)
+    pub fn beyond(&self, min: &[Limit], max: &[Limit]) -> Vec<String> {
+        let pair = |name: &str, scores: &Scores| {
+            let line = |limit: &Limit, side: &str| {
+                let value = scores.metrics[limit.metric.id()].0;
+                format!("{name}{} is {value}, {side} {}", limit.metric, limit.bound)
+            };
+            let value = |limit: &&Limit| scores.metrics[limit.metric.id()].0;
+            let below = min
+                .iter()
+                .filter(|limit| value(limit) < limit.bound || value(limit).is_nan());
+            let above = max
+                .iter()
+                .filter(|limit| value(limit) > limit.bound || value(limit).is_nan());
+            let below = below.map(|limit| line(limit, "not at least"));
+            below
+                .chain(above.map(|limit| line(limit, "not at most")))
+                .collect::<Vec<_>>()
         };
         match self {
-            Self::Images(scores) => pair_keeps(scores),
-            Self::Folders { frames, .. } => frames.iter().all(|frame| pair_keeps(&frame.scores)),
+            Self::Images(scores) => pair("", scores),
+            Self::Folders { frames, .. } => {
+                let all = frames.iter();
+                all.flat_map(|frame| pair(&format!("{}: ", frame.name), &frame.scores))
+                    .collect()
+            }
         }
     }
 

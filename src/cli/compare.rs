@@ -1,6 +1,6 @@
 //! `afterimage compare`
 
-use super::{JsonTarget, print, run::file_reader, table};
+use super::{JsonTarget, complain, print, run::file_reader, table};
 use afterimage::{
     compare::{self, Comparison, Criteria, Limit},
     image::files::Backend,
@@ -73,7 +73,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     if !JsonTarget::takes_stdout(arguments.json.as_ref()) {
         print(&show(&comparison, &criteria.metrics));
     }
-    Ok(comparison.non_finite_pixels() == 0 && comparison.keeps(&arguments.min, &arguments.max))
+    let beyond = comparison.beyond(&arguments.min, &arguments.max);
+    for line in &beyond {
+        complain(line);
+    }
+    Ok(comparison.non_finite_pixels() == 0 && beyond.is_empty())
 }
 
 fn show(comparison: &Comparison, metrics: &[Metric]) -> String {

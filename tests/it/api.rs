@@ -1,21 +1,17 @@
 //! The service from outside: a real listener, a real client, and for whole jobs a real worker on a GPU. What only the
 //! worker's reactions need (failures, cancelling, stopping) runs scripted jobs instead.
 
+use crate::support::service::{Answer, Client, TestService, fixture, packed};
 use afterimage::{
-    config::Config,
-    image::files::{Backend, FileReader, Limits},
     run::{Observer, RunError, RunSpec, report::Report},
-    sequence::Sequence,
-    server::{Running, ServeError},
     taa,
-    worker::{GpuRunner, Runner},
+    worker::Runner,
 };
-use clap::Parser;
 use serde_json::{Value, json};
 use std::{
     io::{BufRead, BufReader, Write},
-    net::{SocketAddr, TcpListener},
-    path::{Path, PathBuf},
+    net::TcpListener,
+    path::Path,
     process::{Child, Command, Stdio},
     sync::{
         Arc,
@@ -24,207 +20,6 @@ use std::{
     thread,
     time::{Duration, Instant},
 };
-use tempfile::TempDir;
-use tokio_util::sync::CancellationToken;
-
-#[derive(Parser)]
-struct Serve {
-    #[command(flatten)]
-    config: Config,
-}
-
-fn config(data: &Path, arguments: &[&str]) -> Config {
-    let data = data.to_str().unwrap();
-    let fixed = ["serve", "--listen", "127.0.0.1:0", "--data", data];
-    Serve::parse_from(fixed.iter().chain(arguments)).config
-}
-
-fn reader() -> FileReader {
-    FileReader::new(Backend::Auto, Limits::default())
-}
-
-/// A service in this process, on a free port and in a folder of its own.
-pub struct TestService {
-    pub address: SocketAddr,
-    pub data: TempDir,
-    stop: CancellationToken,
-    thread: Option<thread::JoinHandle<Result<(), ServeError>>>,
-}
-
-impl TestService {
-    /// With a worker that runs jobs on the GPU.
-    pub fn with_gpu() -> Self {
-        let (runner, adapter) = GpuRunner::new(None, reader());
-        adapter.expect("these tests need a Vulkan driver: install mesa-vulkan-drivers");
-        Self::start(runner, &[])
-    }
-
-    fn start(runner: impl Runner + 'static, arguments: &[&str]) -> Self {
-        Self::start_in(tempfile::tempdir().unwrap(), runner, arguments)
-    }
-
-    fn start_in(data: TempDir, runner: impl Runner + 'static, arguments: &[&str]) -> Self {
-        let config = config(data.path(), arguments);
-        let (started, address) = std::sync::mpsc::channel();
-        let thread = thread::spawn(move || {
-            tokio::runtime::Runtime::new().unwrap().block_on(async {
-                let no_adapter = Err("no adapter in this test".to_owned());
-                let running = Running::start(config, reader(), runner, no_adapter).await?;
-                started.send((running.address, running.stop_token())).unwrap();
-                running.run().await
-            })
-        });
-        let (address, stop) = address.recv().expect("the service starts");
-        Self {
-            address,
-            data,
-            stop,
-            thread: Some(thread),
-        }
-    }
-
-    pub fn url(&self, path: &str) -> String {
-        format!("http://{}{path}", self.address)
-    }
-
-    fn client(&self) -> Client {
-        Client(self.address)
-    }
-
-    /// Stops as SIGTERM would and gives the data folder back.
-    fn stop(mut self) -> TempDir {
-        self.end();
-        std::mem::replace(&mut self.data, tempfile::tempdir().unwrap())
-    }
-
-    fn end(&mut self) {
-        self.stop.cancel();
-        if let Some(thread) = self.thread.take() {
-            thread.join().unwrap().unwrap();
-        }
-    }
-}
-
-impl Drop for TestService {
-    fn drop(&mut self) {
-        if !thread::panicking() {
-            self.end();
-        }
-    }
-}
-
-/// Speaks to `/api/v1`.
-pub struct Client(pub SocketAddr);
-
-pub struct Answer {
-    pub status: u16,
-    headers: ureq::http::HeaderMap,
-    pub body: Vec<u8>,
-}
-
-impl Answer {
-    pub fn json(&self) -> Value {
-        serde_json::from_slice(&self.body).unwrap_or_else(|_| panic!("not JSON: {}", self.text()))
-    }
-
-    fn text(&self) -> &str {
-        std::str::from_utf8(&self.body).unwrap()
-    }
-
-    fn header(&self, name: &str) -> &str {
-        self.headers.get(name).map_or("", |value| value.to_str().unwrap())
-    }
-
-    /// Asserts a problem of this status, code and field whose detail has `words`.
-    #[track_caller]
-    fn is_problem(&self, status: u16, code: &str, field: Option<&str>, words: &str) {
-        let problem = self.json();
-        let found = (self.status, problem["code"].as_str(), problem["field"].as_str());
-        assert_eq!(found, (status, Some(code), field), "{problem}");
-        assert_eq!(self.header("content-type"), "application/problem+json");
-        assert_eq!(problem["status"], status);
-        assert!(problem["title"].is_string() && problem["type"].is_string());
-        let detail = problem["detail"].as_str().unwrap();
-        assert!(detail.contains(words), "`{detail}` does not say `{words}`");
-    }
-}
-
-impl Client {
-    fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
-        let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
-        let url = format!("http://{}/api/v1{path}", self.0);
-        let mut request = ureq::http::Request::builder().method(method).uri(url);
-        for (name, value) in headers {
-            request = request.header(*name, *value);
-        }
-        let mut response = agent.run(request.body(body).unwrap()).unwrap();
-        Answer {
-            status: response.status().as_u16(),
-            headers: response.headers().clone(),
-            body: response.body_mut().read_to_vec().unwrap(),
-        }
-    }
-
-    pub fn get(&self, path: &str) -> Answer {
-        self.send("GET", path, &[], &[])
-    }
-
-    fn post_job(&self, job: &Value) -> Answer {
-        self.post_text(&job.to_string())
-    }
-
-    fn post_text(&self, body: &str) -> Answer {
-        self.send(
-            "POST",
-            "/jobs",
-            &[("content-type", "application/json")],
-            body.as_bytes(),
-        )
-    }
-
-    pub fn put(&self, name: &str, archive: &[u8]) -> Answer {
-        self.send("PUT", &format!("/sequences/{name}"), &[], archive)
-    }
-
-    /// Posts a job that must be accepted; gives its number.
-    pub fn start_job(&self, job: &Value) -> i64 {
-        let answer = self.post_job(job);
-        assert_eq!(answer.status, 202, "{}", answer.text());
-        let id = answer.json()["id"].as_i64().unwrap();
-        assert_eq!(answer.header("location"), format!("/api/v1/jobs/{id}"));
-        id
-    }
-
-    /// The job, once it has one of these statuses.
-    pub fn wait_for(&self, id: i64, statuses: &[&str]) -> Value {
-        let deadline = Instant::now() + Duration::from_secs(60);
-        loop {
-            let job = self.get(&format!("/jobs/{id}")).json();
-            if statuses.contains(&job["status"].as_str().unwrap()) {
-                return job;
-            }
-            assert!(
-                Instant::now() < deadline,
-                "job {id} is not {statuses:?} after a minute: {job}"
-            );
-            thread::sleep(Duration::from_millis(20));
-        }
-    }
-}
-
-fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
-}
-
-/// A fixture as the tar that `submit` sends.
-pub fn packed(name: &str) -> Vec<u8> {
-    let mut archive = Vec::new();
-    Sequence::open(&fixture(name), &reader())
-        .unwrap()
-        .pack(&mut archive)
-        .unwrap();
-    archive
-}
 
 /// Runs jobs as a test says.
 struct Scripted<F>(F);

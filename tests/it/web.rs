@@ -1,7 +1,7 @@
 //! The dashboard in a real browser: every page has its data in the document, and the scripts have drawn what only they
 //! can draw.
 
-use crate::api::{Client, TestService, packed};
+use crate::support::service::{Client, TestService, packed};
 use serde_json::json;
 use std::process::Command;
 

@@ -1,5 +1,7 @@
 //! What several subjects share: one GPU a process, made-up frames, and a resolver run to images.
 
+pub mod service;
+
 use afterimage::{
     gpu::{Gpu, ReadbackPool, Texture, Timer},
     image::{Extent, Image},
