@@ -7,7 +7,7 @@
 
 use afterimage::{
     image::{Extent, Image},
-    metrics::{Display, Metric, Reference, Tonemap},
+    metrics::{Display, Metric, Picture, Reference, Tonemap},
     sequence::frame::Rgb,
 };
 use rustix::time::{ClockId, clock_gettime};
@@ -27,28 +27,29 @@ fn main() -> anyhow::Result<()> {
     for y in 400..600 {
         patched.pixels_mut()[y * 1920 + 800..][..300].fill([0.5; 3]);
     }
-    let together = [Metric::Psnr, Metric::Ssim, Metric::MsSsimY, Metric::Flip];
+    let [reference, noisy, patched] = [reference, noisy, patched].map(|image| Picture::linear(image, DISPLAY));
+    let together = [Metric::PSNR, Metric::SSIM, Metric::MS_SSIM_Y, Metric::FLIP];
     println!("CPU ms a frame        evaluate   3 % changed   reference");
     for metrics in [
-        &[Metric::Psnr][..],
-        &[Metric::PsnrLinear],
-        &[Metric::Ssim],
-        &[Metric::SsimY],
-        &[Metric::MsSsimY],
-        &[Metric::Flip],
-        &[Metric::RelMse],
+        &[Metric::PSNR][..],
+        &[Metric::PSNR_LINEAR],
+        &[Metric::SSIM],
+        &[Metric::SSIM_Y],
+        &[Metric::MS_SSIM_Y],
+        &[Metric::FLIP],
+        &[Metric::REL_MSE],
         &together,
     ] {
-        let prepared = Reference::new(&reference, DISPLAY, metrics);
+        let prepared = Reference::new(reference.clone(), metrics);
         prepared.evaluate(&noisy)?;
         let [all, some] = [&noisy, &patched].map(|test| least_cpu_ms(|| drop(prepared.evaluate(test))));
         // The first evaluation also fills in what the reference shares.
-        let first = least_cpu_ms(|| drop(Reference::new(&reference, DISPLAY, metrics).evaluate(&noisy)));
+        let first = least_cpu_ms(|| drop(Reference::new(reference.clone(), metrics).evaluate(&noisy)));
         let ids: Vec<_> = metrics.iter().map(|metric| metric.id()).collect();
         println!("{:<22}{all:>8.1}{some:>14.1}{:>12.1}", ids.join(" "), first - all);
     }
     let evaluate_all = |n: usize| {
-        let prepared = Reference::new(&reference, DISPLAY, &together);
+        let prepared = Reference::new(reference.clone(), &together);
         (0..n).for_each(|_| drop(prepared.evaluate(&noisy)));
     };
     let shared = least_cpu_ms(|| evaluate_all(N_PRESETS));

@@ -43,7 +43,7 @@ fn spec(presets: &[&str], history: Precision) -> RunSpec {
                 parameters: serde_json::Map::new(),
             })
             .collect(),
-        metrics: vec![Metric::Psnr, Metric::Ssim],
+        metrics: vec![Metric::PSNR, Metric::SSIM],
         history,
         n_frames: None,
         repeat: 1,

@@ -5,12 +5,13 @@
 
 use crate::{
     image::files::{FileReader, ImageError, SampleType},
-    metrics::{Display, FrameScores, Metric, MetricError, Shown, Summary, Values, evaluate},
+    metrics::{Display, FrameScores, Metric, MetricError, Picture, Reference, Summary, Values, map::Map},
 };
 use serde::Serialize;
 use std::{
     collections::{BTreeMap, BTreeSet},
     ffi::OsString,
+    fs::create_dir_all,
     path::{Path, PathBuf},
     str::FromStr,
 };
@@ -123,6 +124,46 @@ pub enum CompareError {
     },
 }
 
+/// Writes the maps of `metrics` for `test` against `reference`: `FOLDER/METRIC.png` and `.exr` of two images,
+/// `FOLDER/METRIC/NAME.png` and `.exr` of two folders.
+pub fn write_maps(
+    reader: &FileReader,
+    reference: &Path,
+    test: &Path,
+    criteria: &Criteria,
+    folder: &Path,
+) -> Result<(), CompareError> {
+    let pairs = match (reference.is_dir(), test.is_dir()) {
+        (false, false) => vec![(None, reference.to_owned(), test.to_owned())],
+        (true, true) => matched(reference, test)?
+            .into_iter()
+            .map(|name| (Some(name.clone()), reference.join(&name), test.join(&name)))
+            .collect(),
+        _ => return Err(CompareError::Kinds(reference.to_owned(), test.to_owned())),
+    };
+    for (name, reference, test) in pairs {
+        let [r, t] = [&reference, &test].map(|path| show(reader, path, criteria.display));
+        let (r, t) = (r?, t?);
+        for metric in &criteria.metrics {
+            let map = Map::new(*metric, &r, &t).map_err(|source| CompareError::Pair {
+                reference: reference.clone(),
+                test: test.clone(),
+                source,
+            })?;
+            let (folder, name) = match &name {
+                None => (folder.to_owned(), metric.id().to_owned()),
+                Some(name) => (folder.join(metric.id()), name.to_string_lossy().into_owned()),
+            };
+            create_dir_all(&folder).map_err(|source| CompareError::Folder {
+                folder: folder.clone(),
+                source,
+            })?;
+            map.write(&folder, &name)?;
+        }
+    }
+    Ok(())
+}
+
 /// Compares `test` with `reference`: two image files or two folders.
 pub fn compare(
     reader: &FileReader,
@@ -180,11 +221,15 @@ impl Comparison {
 }
 
 fn images(reader: &FileReader, reference: &Path, test: &Path, criteria: &Criteria) -> Result<Scores, CompareError> {
-    let (r, t) = rayon::join(|| show(reader, reference, criteria), || show(reader, test, criteria));
+    let (r, t) = rayon::join(
+        || show(reader, reference, criteria.display),
+        || show(reader, test, criteria.display),
+    );
+    let scores = Reference::new(r?, &criteria.metrics).evaluate(&t?);
     let FrameScores {
         values,
         non_finite_pixels,
-    } = evaluate(&criteria.metrics, &r?, &t?).map_err(|source| CompareError::Pair {
+    } = scores.map_err(|source| CompareError::Pair {
         reference: reference.to_owned(),
         test: test.to_owned(),
         source,
@@ -195,12 +240,12 @@ fn images(reader: &FileReader, reference: &Path, test: &Path, criteria: &Criteri
     })
 }
 
-fn show(reader: &FileReader, path: &Path, criteria: &Criteria) -> Result<Shown, ImageError> {
+fn show(reader: &FileReader, path: &Path, display: Display) -> Result<Picture, ImageError> {
     let file = reader.read_rgb(path)?;
     Ok(match file.sample {
-        SampleType::U8 => Shown::from_encoded(&file.image, u8::MAX.into(), &criteria.metrics),
-        SampleType::U16 => Shown::from_encoded(&file.image, u16::MAX, &criteria.metrics),
-        _ => Shown::from_linear(&file.image, criteria.display, &criteria.metrics),
+        SampleType::U8 => Picture::codes(file.image, u8::MAX.into()),
+        SampleType::U16 => Picture::codes(file.image, u16::MAX),
+        _ => Picture::linear(file.image, display),
     })
 }
 
@@ -210,18 +255,7 @@ fn folders(
     test: &Path,
     criteria: &Criteria,
 ) -> Result<Comparison, CompareError> {
-    let (names, test_names) = (file_names(reference)?, file_names(test)?);
-    for (here, there, home, other) in [
-        (&names, &test_names, reference, test),
-        (&test_names, &names, test, reference),
-    ] {
-        if let Some(name) = here.difference(there).next() {
-            return Err(CompareError::Unmatched {
-                file: home.join(name),
-                other: other.to_owned(),
-            });
-        }
-    }
+    let names = matched(reference, test)?;
     let frames = names
         .iter()
         .map(|name| {
@@ -239,6 +273,23 @@ fn folders(
         summary: criteria.metrics.iter().map(summary).collect(),
         frames,
     })
+}
+
+/// The names of the files in both folders, which must be the same.
+fn matched(reference: &Path, test: &Path) -> Result<BTreeSet<OsString>, CompareError> {
+    let (names, test_names) = (file_names(reference)?, file_names(test)?);
+    for (here, there, home, other) in [
+        (&names, &test_names, reference, test),
+        (&test_names, &names, test, reference),
+    ] {
+        if let Some(name) = here.difference(there).next() {
+            return Err(CompareError::Unmatched {
+                file: home.join(name),
+                other: other.to_owned(),
+            });
+        }
+    }
+    Ok(names)
 }
 
 /// The files of a folder; hidden ones and folders inside it are not images.

@@ -15,6 +15,7 @@ use std::path::PathBuf;
   afterimage compare reference/ output/ --metrics psnr,ssim --json -
   afterimage compare reference.exr output.exr --exposure 2 --tonemap aces
   afterimage compare reference/ output/ --min psnr=38 --max flip=0.05
+  afterimage compare reference.png output.png --metrics flip,ssim --maps errors
 
 8- and 16-bit files are compared as they are; float files are linear and are shown by --exposure and --tonemap first.
 Exit status: 0 all limits are kept, 1 one is not or a pixel is not finite, 2 wrong use or bad input.")]
@@ -41,6 +42,10 @@ pub struct Arguments {
     /// Write the result as JSON to a file, or to standard output for `-`
     #[arg(long, value_name = "FILE")]
     json: Option<JsonTarget>,
+    /// Draw where the errors are: DIR/METRIC.png, black to white for good to bad, and its values as .exr; of folders
+    /// DIR/METRIC/NAME.png
+    #[arg(long, value_name = "DIR")]
+    maps: Option<PathBuf>,
 }
 
 fn tonemap(text: &str) -> Result<Tonemap, String> {
@@ -69,6 +74,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     let comparison = compare::compare(&reader, &arguments.reference, &arguments.test, &criteria)?;
     if let Some(target) = &arguments.json {
         target.write(&comparison)?;
+    }
+    if let Some(folder) = &arguments.maps {
+        compare::write_maps(&reader, &arguments.reference, &arguments.test, &criteria, folder)?;
     }
     if !JsonTarget::takes_stdout(arguments.json.as_ref()) {
         print(&show(&comparison, &criteria.metrics));

@@ -55,28 +55,55 @@ impl Display {
     /// Display values of a linear colour. Negative components show as black. A colour with any NaN or infinity becomes
     /// NaN altogether: a clamp that turned it into 0 or 1 would hide it from every metric.
     pub fn apply(&self, linear: Rgb) -> [f64; 3] {
-        if !linear.iter().all(|c| c.is_finite()) {
-            return [f64::NAN; 3];
-        }
-        // All are finite: a comparison is enough, where `max` would look for NaN once more.
-        let exposed = linear.map(|c| if c > 0.0 { f64::from(c) * self.exposure } else { 0.0 });
-        self.tonemap(exposed).map(srgb::encode)
+        let mut planes = linear.map(|c| [f64::from(c)]);
+        poison(&mut planes);
+        self.show(&mut planes);
+        planes.map(|[value]| value)
     }
 
-    fn tonemap(&self, rgb: [f64; 3]) -> [f64; 3] {
+    /// The same of `N` colours, poisoned already, in planes.
+    #[inline(always)]
+    pub(super) fn show<const N: usize>(&self, planes: &mut [[f64; N]; 3]) {
+        for plane in &mut *planes {
+            for value in plane {
+                // NaN passes, as it would not through `max`.
+                *value = if *value < 0.0 { 0.0 } else { *value } * self.exposure;
+            }
+        }
         match self.tonemap {
-            Tonemap::None => rgb,
+            Tonemap::None => {}
             Tonemap::ReinhardMax => {
                 let larger = |a: f64, b: f64| if a > b { a } else { b };
-                let scale = 1.0 / (1.0 + larger(larger(rgb[0], rgb[1]), rgb[2]));
-                rgb.map(|c| c * scale)
+                let [r, g, b] = planes;
+                for i in 0..N {
+                    let scale = 1.0 / (1.0 + larger(larger(r[i], g[i]), b[i]));
+                    (r[i], g[i], b[i]) = (r[i] * scale, g[i] * scale, b[i] * scale);
+                }
             }
-            Tonemap::Aces => rgb.map(|c| c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14)),
+            Tonemap::Aces => {
+                for c in planes.iter_mut().flatten() {
+                    *c = *c * (2.51 * *c + 0.03) / (*c * (2.43 * *c + 0.59) + 0.14);
+                }
+            }
+        }
+        for plane in planes {
+            srgb::encode(plane);
         }
     }
 }
 
+/// Makes every component NaN of a colour that has a NaN or an infinity, so that Inf − Inf, Inf − 1 and NaN all end as
+/// NaN.
+#[inline(always)]
+pub(super) fn poison<const N: usize>([r, g, b]: &mut [[f64; N]; 3]) {
+    for i in 0..N {
+        let poison = (r[i] - r[i]) + (g[i] - g[i]) + (b[i] - b[i]);
+        (r[i], g[i], b[i]) = (r[i] + poison, g[i] + poison, b[i] + poison);
+    }
+}
+
 /// Rec. 709 luma of display values: weights on encoded, not linear, components. Of linear ones it is luminance.
+#[inline(always)]
 pub fn luma([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }

@@ -1,7 +1,13 @@
 //! The same metrics on the device, for adapters that are faster at it than the host: the image under test never leaves
 //! the device, only partial sums do. f32, within 1e-3 dB and 1e-5 of the CPU's values.
 
-use super::{Display, Domain, FrameScores, Metric, MetricError, Quantity, Sums, check_sizes, quantities, ssim, values};
+use super::{
+    Display, FrameScores, Metric, MetricError,
+    mask::{ByMask, by_mask},
+    quantity::{Domain, Quantity, Sums, quantities},
+    reference::{check_sizes, values},
+    ssim,
+};
 use crate::{
     gpu::{Gpu, GpuError, Pass, Readback, Texture, Timer},
     image::{Extent, Image},
@@ -71,10 +77,11 @@ pub struct Recorded {
 
 /// Whether the device can compute `metric`.
 pub fn computes(metric: Metric) -> bool {
-    matches!(
-        metric.definition().quantity,
-        Quantity::SquaredError(_) | Quantity::Ssim(_)
-    )
+    metric.mask().is_none()
+        && matches!(
+            metric.definition().quantity,
+            Quantity::SquaredError(_) | Quantity::Ssim(_)
+        )
 }
 
 impl GpuMetrics {
@@ -228,32 +235,31 @@ impl Recorded {
             (Domain::U8, u8, 0.0),
         ] {
             let n = self.extent.n_pixels() * domain.n_channels();
-            let sums = Sums {
-                total,
-                reference,
-                n,
-                ..Sums::default()
-            };
-            measured.insert(Quantity::SquaredError(domain), sums);
+            measured.insert(Quantity::SquaredError(domain), sums(n, [total, reference]));
         }
         for &(domain, slot) in &self.ssim {
             let partials = bytemuck::pod_collect_to_vec::<u8, f32>(&readback.bytes(slot)?);
-            let sums = Sums {
-                total: partials.into_iter().map(f64::from).sum(),
-                n: ssim::valid_extent(self.extent).n_pixels() * domain.n_channels(),
-                ..Sums::default()
-            };
-            measured.insert(Quantity::Ssim(domain), sums);
+            let n = ssim::valid_extent(self.extent).n_pixels() * domain.n_channels();
+            let total = partials.into_iter().map(f64::from).sum();
+            measured.insert(Quantity::Ssim(domain), sums(n, [total, 0.0]));
         }
         if n_non_finite > 0.0 {
             // Drivers may compute anything but NaN from a NaN, so it is told from the count. Every metric saw it.
-            measured.values_mut().for_each(|sums| sums.total = f64::NAN);
+            measured.values_mut().for_each(|sums| *sums = Sums::unknown());
         }
         Ok(FrameScores {
-            values: values(&self.metrics, &measured),
+            values: values(&self.metrics, &measured, false),
             non_finite_pixels: n_non_finite as u64,
         })
     }
+}
+
+/// Over all pixels.
+fn sums(n: usize, [total, reference]: [f64; 2]) -> ByMask<Sums> {
+    let mut sums = Sums::default();
+    sums.n = n as f64;
+    (sums.terms[0], sums.terms[1]) = (total, reference);
+    by_mask(&[sums, Sums::default(), Sums::default(), Sums::default()])
 }
 
 /// `Sums` of `squared_error.wgsl`, in its order.

@@ -1,6 +1,6 @@
 //! Errors of linear values relative to their size, so that highlights do not drown the rest: `rel_mse` and `smape`.
 
-use super::{Better, Definition, Domain, MetricInfo, Quantity, Shown, Sums, squared_error::sum_rows};
+use super::{Better, MetricInfo, metric::Definition, quantity::Quantity};
 
 /// Added to R²: keeps dark pixels from dividing by nothing.
 const REL_MSE_FLOOR: f64 = 0.01;
@@ -16,7 +16,7 @@ pub(super) const REL_MSE: Definition = Definition {
         description: "Mean of squared errors of linear RGB over the reference squared",
     },
     quantity: Quantity::RelativeSquaredError,
-    value: Sums::mean,
+    value: |sums| Some(sums.mean()),
     relative_mse: None,
 };
 
@@ -29,43 +29,31 @@ pub(super) const SMAPE: Definition = Definition {
         description: "Mean of errors of linear RGB over the mean of both images, 0 to 2",
     },
     quantity: Quantity::SymmetricError,
-    value: Sums::mean,
+    value: |sums| Some(sums.mean()),
     relative_mse: None,
 };
 
-pub(super) fn measure_squared(reference: &Shown, test: &Shown) -> Sums {
-    sum_rows(Domain::Linear, reference, test, |r, t| {
-        let errors = r
-            .iter()
-            .zip(t)
-            .map(|(r, t)| (t - r) * (t - r) / (r * r + REL_MSE_FLOOR));
-        [errors.sum(), 0.0]
-    })
+#[inline(always)]
+pub(super) fn squared(r: f64, t: f64) -> f64 {
+    (t - r) * (t - r) / (r * r + REL_MSE_FLOOR)
 }
 
-pub(super) fn measure_symmetric(reference: &Shown, test: &Shown) -> Sums {
-    sum_rows(Domain::Linear, reference, test, |r, t| {
-        let errors = r
-            .iter()
-            .zip(t)
-            .map(|(r, t)| 2.0 * (t - r).abs() / (t.abs() + r.abs() + SMAPE_FLOOR));
-        [errors.sum(), 0.0]
-    })
+#[inline(always)]
+pub(super) fn symmetric(r: f64, t: f64) -> f64 {
+    2.0 * (t - r).abs() / (t.abs() + r.abs() + SMAPE_FLOOR)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Display, Metric, Reference};
+    use super::super::{Display, Metric, Picture, Reference};
     use crate::image::{Extent, Image};
 
     #[test]
     fn constant_images_by_hand() {
         let [reference, test] = [[2.0_f32, 0.0, 1.0], [3.0, 0.0, 0.0]].map(|c| Image::filled(Extent::new(5, 3), c));
-        let metrics = [Metric::RelMse, Metric::Smape];
-        let values = Reference::new(&reference, Display::default(), &metrics)
-            .evaluate(&test)
-            .unwrap()
-            .values;
+        let metrics = [Metric::REL_MSE, Metric::SMAPE];
+        let [reference, test] = [reference, test].map(|image| Picture::linear(image, Display::default()));
+        let values = Reference::new(reference, &metrics).evaluate(&test).unwrap().values;
         let rel_mse = (1.0 / 4.01 + 1.0 / 1.01) / 3.0;
         let smape = (2.0 / 5.001 + 2.0 / 1.001) / 3.0;
         assert!((values["rel_mse"].0 - rel_mse).abs() < 1e-15, "{values:?}");

@@ -1,7 +1,10 @@
 //! Everything that follows from Σ(T−R)² and ΣR²: `mse`, `rmse`, the `psnr` family and `snr`.
 
-use super::{Better, Definition, Domain, MetricInfo, Quantity, Shown, Sums};
-use rayon::prelude::*;
+use super::{
+    Better, MetricInfo,
+    metric::Definition,
+    quantity::{Domain, Quantity, Sums},
+};
 
 pub(super) const MSE: Definition = Definition {
     info: MetricInfo {
@@ -12,7 +15,7 @@ pub(super) const MSE: Definition = Definition {
         description: "Mean squared error of display RGB",
     },
     quantity: Quantity::SquaredError(Domain::Display),
-    value: Sums::mean,
+    value: |sums| Some(sums.mean()),
     relative_mse: None,
 };
 
@@ -25,35 +28,35 @@ pub(super) const RMSE: Definition = Definition {
         description: "Root mean squared error of display RGB",
     },
     quantity: Quantity::SquaredError(Domain::Display),
-    value: |sums| sums.mean().sqrt(),
+    value: |sums| Some(sums.mean().sqrt()),
     relative_mse: None,
 };
 
 pub(super) const PSNR: Definition = psnr(
     "psnr",
     Domain::Display,
-    |sums| psnr_db(sums.mean(), Domain::Display.peak()),
+    |sums| Some(psnr_db(sums.mean(), Domain::Display.peak())),
     "Peak signal-to-noise ratio of display RGB",
 );
 
 pub(super) const PSNR_LINEAR: Definition = psnr(
     "psnr.linear",
     Domain::Linear,
-    |sums| psnr_db(sums.mean(), Domain::Linear.peak()),
+    |sums| Some(psnr_db(sums.mean(), Domain::Linear.peak())),
     "Peak signal-to-noise ratio of linear RGB before the display transform, peak 1",
 );
 
 pub(super) const PSNR_U8: Definition = psnr(
     "psnr.u8",
     Domain::U8,
-    |sums| psnr_db(sums.mean(), Domain::U8.peak()),
+    |sums| Some(psnr_db(sums.mean(), Domain::U8.peak())),
     "Peak signal-to-noise ratio of display RGB rounded to 8 bits",
 );
 
 pub(super) const PSNR_Y: Definition = psnr(
     "psnr.y",
     Domain::Luma,
-    |sums| psnr_db(sums.mean(), Domain::Luma.peak()),
+    |sums| Some(psnr_db(sums.mean(), Domain::Luma.peak())),
     "Peak signal-to-noise ratio of Rec. 709 luma",
 );
 
@@ -66,11 +69,16 @@ pub(super) const SNR: Definition = Definition {
         description: "Reference energy over error energy of display RGB",
     },
     quantity: Quantity::SquaredError(Domain::Display),
-    value: snr_db,
+    value: |sums| Some(snr_db(sums)),
     relative_mse: None,
 };
 
-const fn psnr(id: &'static str, domain: Domain, value: fn(&Sums) -> f64, description: &'static str) -> Definition {
+const fn psnr(
+    id: &'static str,
+    domain: Domain,
+    value: fn(&Sums) -> Option<f64>,
+    description: &'static str,
+) -> Definition {
     Definition {
         info: MetricInfo {
             id,
@@ -96,59 +104,11 @@ pub(super) fn relative_mse(psnr_db: f64) -> f64 {
 }
 
 fn snr_db(sums: &Sums) -> f64 {
-    if sums.total == 0.0 {
+    let [error, energy, ..] = sums.terms;
+    if error == 0.0 {
         return f64::INFINITY; // Equal images, black ones (0 / 0) too.
     }
-    10.0 * libm::log10(sums.reference / sums.total)
-}
-
-pub(super) fn measure(domain: Domain, reference: &Shown, test: &Shown) -> Sums {
-    sum_rows(domain, reference, test, row_sums)
-}
-
-/// Two sums of each row and channel of reference and test, then the rows from top to bottom, so that the
-/// result does not depend on the number of threads.
-pub(super) fn sum_rows(
-    domain: Domain,
-    reference: &Shown,
-    test: &Shown,
-    row_sums: impl Fn(&[f64], &[f64]) -> [f64; 2] + Sync,
-) -> Sums {
-    let extent = reference.extent();
-    let columns = 0..extent.width as usize;
-    let rows: Vec<[f64; 2]> = (0..extent.height as usize)
-        .into_par_iter()
-        .map_init(<[Vec<f64>; 2]>::default, |[scratch_r, scratch_t], y| {
-            let mut row = [0.0; 2];
-            for channel in 0..domain.n_channels() {
-                let sums = row_sums(
-                    reference.row(domain, channel, y, columns.clone(), scratch_r),
-                    test.row(domain, channel, y, columns.clone(), scratch_t),
-                );
-                row = [row[0] + sums[0], row[1] + sums[1]];
-            }
-            row
-        })
-        .collect();
-    Sums {
-        total: rows.iter().map(|row| row[0]).sum(),
-        reference: rows.iter().map(|row| row[1]).sum(),
-        n: extent.n_pixels() * domain.n_channels(),
-        ..Sums::default()
-    }
-}
-
-/// Σ(T−R)² and ΣR² of a row, in eight interleaved partial sums: a single one would wait for its own last addition.
-fn row_sums(reference: &[f64], test: &[f64]) -> [f64; 2] {
-    const LANES: usize = 8;
-    let (mut errors, mut energies) = ([0.0; LANES], [0.0; LANES]);
-    for (r, t) in reference.chunks(LANES).zip(test.chunks(LANES)) {
-        for (lane, (r, t)) in r.iter().zip(t).enumerate() {
-            errors[lane] += (t - r) * (t - r);
-            energies[lane] += r * r;
-        }
-    }
-    [errors.iter().sum(), energies.iter().sum()]
+    10.0 * libm::log10(energy / error)
 }
 
 #[cfg(test)]
@@ -156,15 +116,16 @@ mod tests {
     use super::*;
     use crate::{
         image::{Extent, Image},
-        metrics::{Metric, evaluate},
+        metrics::{Metric, Picture, Reference},
     };
 
     fn scores(reference: [f32; 3], test: [f32; 3]) -> impl Fn(Metric) -> f64 {
-        let shown = |codes: [f32; 3]| {
+        let picture = |codes: [f32; 3]| {
             let image = Image::filled(Extent::new(37, 3), codes.map(|code| code / 255.0));
-            Shown::from_encoded(&image, 255, &Metric::ALL[..7])
+            Picture::codes(image, 255)
         };
-        let scores = evaluate(&Metric::ALL[..7], &shown(reference), &shown(test)).unwrap();
+        let scores = Reference::new(picture(reference), &Metric::ALL[..7]).evaluate(&picture(test));
+        let scores = scores.unwrap();
         move |metric| scores.values[metric.id()].0
     }
 
@@ -178,19 +139,19 @@ mod tests {
                 "{metric}: {actual}, not {expected}"
             );
         };
-        near(Metric::Mse, 0.04 / 3.0);
-        near(Metric::Rmse, (0.04_f64 / 3.0).sqrt());
-        near(Metric::Psnr, 10.0 * libm::log10(75.0));
-        near(Metric::PsnrU8, 10.0 * libm::log10(75.0));
-        near(Metric::PsnrY, -20.0 * libm::log10(0.2 * 0.7152));
-        near(Metric::Snr, 10.0 * libm::log10((0.04 + 0.16) / 0.04));
+        near(Metric::MSE, 0.04 / 3.0);
+        near(Metric::RMSE, (0.04_f64 / 3.0).sqrt());
+        near(Metric::PSNR, 10.0 * libm::log10(75.0));
+        near(Metric::PSNR_U8, 10.0 * libm::log10(75.0));
+        near(Metric::PSNR_Y, -20.0 * libm::log10(0.2 * 0.7152));
+        near(Metric::SNR, 10.0 * libm::log10((0.04 + 0.16) / 0.04));
     }
 
     #[test]
     fn black_against_black_is_perfect_and_black_against_white_is_not() {
         let equal = scores([0.0; 3], [0.0; 3]);
-        assert_eq!([equal(Metric::Snr), equal(Metric::Psnr)], [f64::INFINITY; 2]);
+        assert_eq!([equal(Metric::SNR), equal(Metric::PSNR)], [f64::INFINITY; 2]);
         let worst = scores([0.0; 3], [255.0; 3]);
-        assert_eq!([worst(Metric::Snr), worst(Metric::Psnr)], [f64::NEG_INFINITY, 0.0]);
+        assert_eq!([worst(Metric::SNR), worst(Metric::PSNR)], [f64::NEG_INFINITY, 0.0]);
     }
 }

@@ -28,33 +28,60 @@ const SERIES: [f64; 6] = {
     series
 };
 
-/// Of each cell: one over its centre, and its centre to the power `P`.
-static CELLS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
-    let centre = |cell: u64| f64::from_bits(((FIRST_CELL + cell) << (52 - CELL_BITS)) + (1 << (51 - CELL_BITS)));
-    (0..N_CELLS as u64)
-        .map(centre)
-        .map(|c| [1.0 / c, libm::pow(c, P)])
-        .collect()
+/// Places in the table: a power of two, so that masking a cell's number proves that it lies inside.
+const N_PLACES: usize = (N_CELLS + 1).next_power_of_two();
+
+/// Of each cell: one over its centre, and its centre to the power `P` times 1.055.
+struct Cells {
+    inverses: [f64; N_PLACES],
+    powers: [f64; N_PLACES],
+}
+
+static CELLS: LazyLock<Cells> = LazyLock::new(|| {
+    let mut cells = Cells {
+        inverses: [0.0; N_PLACES],
+        powers: [0.0; N_PLACES],
+    };
+    for cell in 0..=N_CELLS {
+        let bits = (FIRST_CELL + cell as u64) << (52 - CELL_BITS);
+        let centre = f64::from_bits(bits + (1 << (51 - CELL_BITS)));
+        cells.inverses[cell] = 1.0 / centre;
+        cells.powers[cell] = 1.055 * libm::pow(centre, P);
+    }
+    cells
 });
 
 /// Linear to sRGB-encoded, clamped to `[0, 1]`; NaN stays NaN.
-pub fn encode(linear: f64) -> f64 {
-    if linear <= LINEAR_BELOW {
-        return 12.92 * linear.max(0.0);
+///
+/// One loop a step, and none has a branch: that is what lets all but the look-up vectorise.
+#[inline(always)]
+pub fn encode<const N: usize>(values: &mut [f64; N]) {
+    let cells = &*CELLS;
+    let linear = *values;
+    let mut places = [0; N];
+    for (place, linear) in places.iter_mut().zip(linear) {
+        let above = if linear > LINEAR_BELOW { linear } else { LINEAR_BELOW };
+        let within = if above < 1.0 { above } else { 1.0 };
+        *place = (within.to_bits() >> (52 - CELL_BITS)).wrapping_sub(FIRST_CELL);
     }
-    if linear >= 1.0 {
-        return 1.0;
+    let (mut inverses, mut powers) = ([0.0; N], [0.0; N]);
+    for i in 0..N {
+        let place = places[i] as usize % N_PLACES;
+        (inverses[i], powers[i]) = (cells.inverses[place], cells.powers[place]);
     }
-    let cell = (linear.to_bits() >> (52 - CELL_BITS)).wrapping_sub(FIRST_CELL) as usize;
-    let Some(&[inverse, power]) = CELLS.get(cell) else {
-        return f64::NAN; // Only a NaN has bits outside the table: everything else has returned.
-    };
-    let r = linear * inverse - 1.0;
-    let series = SERIES
-        .iter()
-        .rev()
-        .fold(0.0, |sum, &coefficient| (sum + coefficient) * r);
-    1.055 * (power + power * series) - 0.055
+    let [s1, s2, s3, s4, s5, s6] = SERIES;
+    for i in 0..N {
+        let r = linear[i] * inverses[i] - 1.0;
+        let series = r * (s1 + r * (s2 + r * (s3 + r * (s4 + r * (s5 + r * s6)))));
+        values[i] = powers[i] + powers[i] * series - 0.055;
+    }
+    for i in 0..N {
+        let straight = 12.92 * if linear[i] > 0.0 { linear[i] } else { 0.0 };
+        values[i] = if linear[i] <= LINEAR_BELOW { straight } else { values[i] };
+    }
+    for i in 0..N {
+        values[i] = if linear[i] >= 1.0 { 1.0 } else { values[i] };
+    }
 }
 
 /// sRGB-encoded in `[0, 1]` to linear.
@@ -69,6 +96,12 @@ pub fn decode(encoded: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn encode(linear: f64) -> f64 {
+        let mut value = [linear];
+        super::encode(&mut value);
+        value[0]
+    }
 
     #[test]
     fn encode_agrees_with_pow() {

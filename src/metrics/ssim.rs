@@ -13,7 +13,16 @@
 //! which needs four filtered planes instead of five, is symmetric to the last bit, and is exactly 1 for equal images.
 //! Windows are separable: each column of a tile is filtered over a ring of the last eleven rows, then the row.
 
-use super::{Better, Definition, Domain, MetricInfo, Quantity, Shown, Sums};
+use super::{
+    Better, MetricInfo,
+    mask::{self, ByClass, Classes},
+    metric::Definition,
+    quantity::{Domain, Quantity, Sums},
+    reference::Pair,
+    same::Same,
+    shown::Shown,
+    vector::vectorised,
+};
 use crate::image::{Extent, Image};
 use rayon::prelude::*;
 use std::{ops::Range, sync::LazyLock};
@@ -47,7 +56,7 @@ const fn ssim(id: &'static str, domain: Domain, description: &'static str) -> De
             description,
         },
         quantity: Quantity::Ssim(domain),
-        value: Sums::mean,
+        value: |sums| Some(sums.mean()),
         relative_mse: None,
     }
 }
@@ -65,56 +74,72 @@ pub(super) fn stabilisers(peak: f64) -> [f64; 2] {
 }
 
 /// Sums the index over all windows and channels, in an order that does not depend on the number of threads.
-pub(super) fn measure(domain: Domain, reference: &Shown, test: &Shown) -> Sums {
-    let valid = valid_extent(reference.extent());
+pub(super) fn measure(pair: &Pair, domain: Domain) -> ByClass<Sums> {
+    let valid = valid_extent(pair.reference.extent());
     let (width, height) = (valid.width as usize, valid.height as usize);
-    let bands: Vec<f64> = (0..height.div_ceil(BAND) * domain.n_channels())
+    let bands = (0..height.div_ceil(BAND) * domain.n_channels())
         .into_par_iter()
         .map(|i| {
             let (channel, first) = (i % domain.n_channels(), i / domain.n_channels() * BAND);
-            let mut total = 0.0;
+            let [mut totals, mut n] = [ByClass::default(); 2];
             let rows = first..height.min(first + BAND);
-            let images = [reference, test].map(|shown| Channel { shown, domain, channel });
-            let stabilisers = stabilisers(domain.peak());
-            Pair::new(images).for_each_run(rows, width, |_, _, windows| {
-                total += windows.indices(stabilisers).sum::<f64>();
+            let mut windows = windows_of(pair, domain, channel);
+            windows.for_each_run(rows, width, Part::Whole, |x, y, indices| {
+                let classes = centres(pair.reference.classes(), x, y, indices.len());
+                mask::add(indices, classes, &mut totals);
+                match classes {
+                    None => n[0] += indices.len() as f64,
+                    Some(classes) => classes.iter().for_each(|class| n[usize::from(*class)] += 1.0),
+                }
             });
-            total
-        })
-        .collect();
-    Sums {
-        total: bands.iter().sum(),
-        n: width * height * domain.n_channels(),
-        ..Sums::default()
-    }
+            [totals, n]
+        });
+    let bands: Vec<[ByClass<f64>; 2]> = bands.collect();
+    std::array::from_fn(|class| {
+        let mut sums = Sums::default();
+        sums.terms[0] = bands.iter().map(|[totals, _]| totals[class]).sum();
+        sums.n = bands.iter().map(|[_, n]| n[class]).sum();
+        sums
+    })
 }
 
-/// The index of every window, averaged over the channels of display RGB: pixel (x, y) is the window centred five pixels
-/// further right and down.
-pub(super) fn map(reference: &Shown, test: &Shown) -> Image<f32> {
-    let valid = valid_extent(reference.extent());
-    let width = valid.width as usize;
-    let mut map = Image::filled(valid, 0.0);
-    let bands = map.pixels_mut().par_chunks_mut(width * BAND).enumerate();
+/// The class of the pixel in the middle of each window of a run.
+fn centres(classes: Option<&Classes>, x: usize, y: usize, n: usize) -> Option<&[mask::Class]> {
+    Some(classes?.row(y + HALF, x + HALF..x + HALF + n))
+}
+
+/// The index of the window around each pixel, averaged over channels; NaN where it leaves the image.
+pub(super) fn map(pair: &Pair, domain: Domain) -> Image<f32> {
+    let extent = pair.reference.extent();
+    let (width, n_windows) = (extent.width as usize, valid_extent(extent).width as usize);
+    let mut map = Image::filled(extent, f32::NAN);
+    let inner = HALF * width..map.pixels().len() - HALF * width;
+    let bands = map.pixels_mut()[inner].par_chunks_mut(width * BAND).enumerate();
     bands.for_each(|(band, pixels)| {
         let first = band * BAND;
-        for channel in 0..3 {
+        let mut means = vec![0.0; n_windows * (pixels.len() / width)];
+        for channel in 0..domain.n_channels() {
             let rows = first..first + pixels.len() / width;
-            let images = [reference, test].map(|shown| Channel {
-                shown,
-                domain: Domain::Display,
-                channel,
-            });
-            let stabilisers = stabilisers(Domain::Display.peak());
-            Pair::new(images).for_each_run(rows, width, |x, y, windows| {
-                let run = &mut pixels[(y - first) * width + x..][..windows.n];
-                for (pixel, index) in run.iter_mut().zip(windows.indices(stabilisers)) {
-                    *pixel += (index / 3.0) as f32;
+            let mut windows = windows_of(pair, domain, channel);
+            windows.for_each_run(rows, n_windows, Part::Whole, |x, y, indices| {
+                let run = &mut means[(y - first) * n_windows + x..][..indices.len()];
+                for (mean, index) in run.iter_mut().zip(indices) {
+                    *mean += index / domain.n_channels() as f64;
                 }
             });
         }
+        for (row, means) in pixels.chunks_mut(width).zip(means.chunks(n_windows)) {
+            for (pixel, mean) in row[HALF..].iter_mut().zip(means) {
+                *pixel = *mean as f32;
+            }
+        }
     });
     map
+}
+
+fn windows_of<'a>(pair: &Pair<'a>, domain: Domain, channel: usize) -> Windows<'a, Channel<'a>> {
+    let images = [pair.reference.shown(), pair.shown].map(|shown| Channel { shown, domain, channel });
+    Windows::new(images, stabilisers(domain.peak()), pair.same, 0)
 }
 
 /// How many windows fit in each axis.
@@ -143,41 +168,78 @@ impl Rows for Channel<'_> {
     }
 }
 
-/// A channel of two images, reference and test, and room to filter them.
-pub(super) struct Pair<R> {
+/// What is compared.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    /// Brightness, contrast and structure.
+    Whole,
+    /// Contrast and structure.
+    Contrast,
+}
+
+/// The windows of a channel of two images, reference and test, and room to filter them.
+pub(super) struct Windows<'a, R> {
     images: [R; 2],
+    stabilisers: [f64; 2],
+    same: &'a Same,
+    /// How often the images were halved since `same` was found.
+    scale: u32,
     scratch: [Vec<f64>; 2],
     ring: Box<[Row; WINDOW]>,
 }
 
-impl<R: Rows> Pair<R> {
-    pub(super) fn new(images: [R; 2]) -> Self {
+impl<'a, R: Rows> Windows<'a, R> {
+    pub(super) fn new(images: [R; 2], stabilisers: [f64; 2], same: &'a Same, scale: u32) -> Self {
         Self {
             images,
+            stabilisers,
+            same,
+            scale,
             scratch: Default::default(),
             ring: Box::new([[[0.0; TILE_INPUT]; 4]; WINDOW]),
         }
     }
 
-    /// Calls `f(x, y, windows)` for every run of at most [`TILE`] windows in `rows`, `width` windows to a row.
-    pub(super) fn for_each_run(&mut self, rows: Range<usize>, width: usize, mut f: impl FnMut(usize, usize, &Windows)) {
-        let mut columns = [[0.0; TILE_INPUT]; 4];
-        let mut windows = Windows {
-            planes: [[0.0; TILE]; 4],
-            n: 0,
+    /// Calls `f(x, y, indices)` for every run of at most [`TILE`] windows in `rows`, `width` windows to a row. The index is 1
+    /// wherever the images are the same, and nothing is filtered there.
+    pub(super) fn for_each_run(
+        &mut self,
+        rows: Range<usize>,
+        width: usize,
+        part: Part,
+        mut f: impl FnMut(usize, usize, &[f64]),
+    ) {
+        let mut filtered = Filtered {
+            columns: [[0.0; TILE_INPUT]; 4],
+            means: [[0.0; TILE]; 4],
         };
+        let mut indices = [0.0; TILE];
         for x in (0..width).step_by(TILE) {
-            windows.n = TILE.min(width - x);
+            let n = TILE.min(width - x);
+            if self.is_same(x..x + n, rows.clone()) {
+                rows.clone().for_each(|y| f(x, y, &[1.0; TILE][..n]));
+                continue;
+            }
             for y in rows.start..rows.start + WINDOW - 1 {
-                self.load(x, windows.n, y);
+                self.load(x, n, y);
             }
             for y in rows.clone() {
-                self.load(x, windows.n, y + WINDOW - 1);
-                filter_columns(&self.ring, y, &mut columns);
-                filter_row(&columns, &mut windows.planes);
-                f(x, y, &windows);
+                self.load(x, n, y + WINDOW - 1);
+                filter(&self.ring, y, &mut filtered);
+                match part {
+                    Part::Whole => compare(&filtered.means, self.stabilisers, &mut indices),
+                    Part::Contrast => compare_contrast(&filtered.means, self.stabilisers, &mut indices),
+                }
+                f(x, y, &indices[..n]);
             }
         }
+    }
+
+    /// Whether all that these windows see is the same in both images. Halving may move pixels by one, each time.
+    fn is_same(&self, x: Range<usize>, y: Range<usize>) -> bool {
+        let seen =
+            |windows: Range<usize>| windows.start.saturating_sub(1) << self.scale..(windows.end + WINDOW) << self.scale;
+        self.same.covers(seen(x), seen(y))
     }
 
     /// Puts row `y` of the images into the ring; columns beyond the image keep what they held and are not read.
@@ -187,64 +249,69 @@ impl<R: Rows> Pair<R> {
         let [reference, test] = &self.images;
         let r = reference.row(y, columns.clone(), scratch_r);
         let t = test.row(y, columns, scratch_t);
-        let [s, d, ss, dd] = &mut self.ring[y % WINDOW];
-        for (i, (r, t)) in r.iter().zip(t).enumerate() {
-            (s[i], d[i]) = (t + r, t - r);
-            (ss[i], dd[i]) = (s[i] * s[i], d[i] * d[i]);
-        }
+        combine(r, t, &mut self.ring[y % WINDOW]);
     }
 }
 
-/// The weighted means of a run of windows.
-pub(super) struct Windows {
-    /// Of the planes in [`Row`]; whatever lies beyond the run has no meaning.
-    planes: [[f64; TILE]; 4],
-    /// How many windows.
-    n: usize,
+/// Rows of a tile on their way through the filter.
+struct Filtered {
+    columns: Row,
+    means: [[f64; TILE]; 4],
 }
 
-impl Windows {
+vectorised! {
+    fn combine<'a>(r: &'a [f64], t: &'a [f64], row: &'a mut Row) {
+        let n = r.len().min(TILE_INPUT);
+        let (r, t) = (&r[..n], &t[..n]);
+        let [s, d, ss, dd] = row;
+        for i in 0..n {
+            (s[i], d[i]) = (t[i] + r[i], t[i] - r[i]);
+            (ss[i], dd[i]) = (s[i] * s[i], d[i] * d[i]);
+        }
+    }
+
+    /// The weighted means of the windows whose first row is `first`: along columns, then along the row.
+    fn filter<'a>(ring: &'a [Row; WINDOW], first: usize, filtered: &'a mut Filtered) {
+        for plane in 0..4 {
+            let mut rows = [&ring[0][plane]; WINDOW];
+            for (i, row) in rows.iter_mut().enumerate() {
+                *row = &ring[(first + i) % WINDOW][plane];
+            }
+            gaussian(rows, &mut filtered.columns[plane]);
+            let columns = &filtered.columns[plane];
+            let mut taps = [columns.first_chunk().expect("a tile is no wider than its input"); WINDOW];
+            for (i, tap) in taps.iter_mut().enumerate() {
+                *tap = columns[i..].first_chunk().expect("a tile and its borders fill the row");
+            }
+            gaussian(taps, &mut filtered.means[plane]);
+        }
+    }
+
     /// The index of each window.
-    pub(super) fn indices(&self, [c1, c2]: [f64; 2]) -> impl Iterator<Item = f64> {
-        let [s, d, ss, dd] = &self.planes;
-        let indices: [f64; TILE] = std::array::from_fn(|i| {
+    fn compare<'a>(means: &'a [[f64; TILE]; 4], stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
+        let ([s, d, ss, dd], [c1, c2]) = (means, stabilisers);
+        for i in 0..TILE {
             let (mean_s, mean_d) = (s[i] * s[i], d[i] * d[i]);
             let (var_s, var_d) = (ss[i] - mean_s, dd[i] - mean_d);
             let above = (mean_s - mean_d + 2.0 * c1) * (var_s - var_d + 2.0 * c2);
             let below = (mean_s + mean_d + 2.0 * c1) * (var_s + var_d + 2.0 * c2);
-            above / below
-        });
-        indices.into_iter().take(self.n)
+            indices[i] = above / below;
+        }
     }
 
     /// The part of each index that compares contrast and structure, and leaves out brightness.
-    pub(super) fn contrasts(&self, [_, c2]: [f64; 2]) -> impl Iterator<Item = f64> {
-        let [s, d, ss, dd] = &self.planes;
-        let contrasts: [f64; TILE] = std::array::from_fn(|i| {
+    fn compare_contrast<'a>(means: &'a [[f64; TILE]; 4], stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
+        let ([s, d, ss, dd], [_, c2]) = (means, stabilisers);
+        for i in 0..TILE {
             let (var_s, var_d) = (ss[i] - s[i] * s[i], dd[i] - d[i] * d[i]);
-            (var_s - var_d + 2.0 * c2) / (var_s + var_d + 2.0 * c2)
-        });
-        contrasts.into_iter().take(self.n)
-    }
-}
-
-/// The Gaussian over the eleven rows from `first` on.
-fn filter_columns(ring: &[Row; WINDOW], first: usize, filtered: &mut Row) {
-    for (plane, filtered) in filtered.iter_mut().enumerate() {
-        gaussian(std::array::from_fn(|i| &ring[(first + i) % WINDOW][plane]), filtered);
-    }
-}
-
-/// The Gaussian along a row.
-fn filter_row(row: &Row, filtered: &mut [[f64; TILE]; 4]) {
-    for (plane, filtered) in row.iter().zip(filtered) {
-        let tap = |i: usize| plane[i..].first_chunk().expect("a tile and its borders fill the row");
-        gaussian(std::array::from_fn(tap), filtered);
+            indices[i] = (var_s - var_d + 2.0 * c2) / (var_s + var_d + 2.0 * c2);
+        }
     }
 }
 
 /// The weighted sum of eleven arrays. Pairs at equal distance share a weight, and one pass over all of them keeps every
 /// partial sum in a register.
+#[inline(always)]
 fn gaussian<const N: usize>(taps: [&[f64; N]; WINDOW], sums: &mut [f64; N]) {
     let [w0, w1, w2, w3, w4, w5] = *WEIGHTS;
     let [l5, l4, l3, l2, l1, centre, r1, r2, r3, r4, r5] = taps;

@@ -1,6 +1,6 @@
 //! A sequence's values condensed. Frames that cannot be averaged are counted, never dropped in silence.
 
-use super::{Metric, Value};
+use super::{Metric, Value, quantity::Quantity, temporal::Change};
 use serde::{Deserialize, Serialize};
 
 /// One metric over the frames of a sequence.
@@ -40,7 +40,7 @@ impl Summary {
 
 /// What stands for all values.
 fn center(metric: Metric, values: &[f64]) -> f64 {
-    if metric == Metric::Flicker {
+    if metric.definition().quantity == Quantity::Change(Change::MeanError) {
         return (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
     }
     mean(values)
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn finite_frames() {
-        let summary = summary(Metric::Ssim, &[0.5, 0.2, 0.9, 0.4]);
+        let summary = summary(Metric::SSIM, &[0.5, 0.2, 0.9, 0.4]);
         assert!((summary.mean.0 - 0.5).abs() < 1e-15);
         assert_eq!((summary.min, summary.pooled), (Value(0.2), None));
         assert!((summary.p5.0 - 0.23).abs() < 1e-15, "{:?}", summary.p5);
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn infinite_and_nan_frames_are_counted() {
-        let summary = summary(Metric::Psnr, &[f64::INFINITY, 20.0, f64::NAN, 40.0, f64::NAN]);
+        let summary = summary(Metric::PSNR, &[f64::INFINITY, 20.0, f64::NAN, 40.0, f64::NAN]);
         assert_eq!((summary.mean, summary.min), (Value(30.0), Value(20.0)));
         assert_eq!((summary.infinite, summary.nan), (1, 2));
         // Errors 0, 1e-2 and 1e-4.
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn perfect_sequences_stay_perfect() {
-        let summary = summary(Metric::Psnr, &[f64::INFINITY; 3]);
+        let summary = summary(Metric::PSNR, &[f64::INFINITY; 3]);
         let all = [summary.mean, summary.min, summary.p5, summary.pooled.unwrap()];
         assert_eq!(all, [Value(f64::INFINITY); 4]);
         assert_eq!(summary.infinite, 3);
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn nothing_known_is_nan_not_zero() {
-        let summary = summary(Metric::Psnr, &[f64::NAN]);
+        let summary = summary(Metric::PSNR, &[f64::NAN]);
         for value in [summary.mean, summary.min, summary.p5, summary.pooled.unwrap()] {
             assert!(value.0.is_nan());
         }

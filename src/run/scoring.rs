@@ -10,12 +10,15 @@ use super::{
 use crate::{
     gpu::{Gpu, Readback, Times},
     image::Image,
-    metrics::{FrameScores, LateValue, Metric, Reference, Summary, Track, Value, gpu::Recorded},
+    metrics::{FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value, gpu::Recorded},
     sequence::{Frame, Sequence, frame::Rgb},
 };
 use std::{
     collections::BTreeMap,
-    sync::mpsc::{Receiver, SyncSender},
+    sync::{
+        Arc,
+        mpsc::{Receiver, SyncSender},
+    },
 };
 
 /// A frame that the GPU is working on.
@@ -39,7 +42,7 @@ pub struct Submitted {
 pub struct Shown {
     pub preset_index: usize,
     pub frame_index: usize,
-    pub image: Image<Rgb>,
+    pub image: Arc<Image<Rgb>>,
 }
 
 /// One preset's frames so far, and every time measured on its passes after warm-up.
@@ -93,17 +96,17 @@ impl<'a> Scorer<'a> {
 
     /// Scores frames until the channel closes.
     pub fn score_all(mut self, submitted: &Receiver<Submitted>) -> Result<Self, RunError> {
-        for submitted in submitted {
+        for mut submitted in submitted {
             self.gpu.wait(submitted.submission.clone())?;
-            self.score(&submitted)?;
+            self.score(&mut submitted)?;
         }
         // The writer ends with its channel.
         self.keep = None;
         Ok(self)
     }
 
-    fn score(&mut self, submitted: &Submitted) -> Result<(), RunError> {
-        let frame = &submitted.frame;
+    fn score(&mut self, submitted: &mut Submitted) -> Result<(), RunError> {
+        let frame = &mut submitted.frame;
         self.age = if frame.index == 0 || frame.reset {
             0
         } else {
@@ -117,20 +120,23 @@ impl<'a> Scorer<'a> {
         self.add("gpu", pass_ms.iter().sum());
         self.add("metrics", metric_pass_ms.iter().sum());
         let (reference, reference_ms) = timed(|| {
-            let linear = frame.reference.as_ref().filter(|_| !self.metrics.is_empty())?;
-            let reference = Reference::new(linear, self.sequence.display(), &self.metrics);
-            Some(match self.reference.take().filter(|_| self.age > 0) {
-                Some(previous) => reference.follow(&previous, frame.motion_px.as_ref()),
-                None => reference,
+            let linear = frame.reference.take().filter(|_| !self.metrics.is_empty())?;
+            let picture = Picture::linear(linear, self.sequence.display());
+            let motion_px = frame.motion_px.take().map(Arc::new);
+            Some(match &self.reference {
+                Some(previous) if self.age > 0 => previous.follow(picture, motion_px.as_ref()),
+                Some(previous) => previous.restart(picture),
+                None => Reference::new(picture, &self.metrics),
             })
         });
         self.add("metrics", reference_ms);
+        let frame_index = frame.index;
         for index in 0..self.plan.systems.len() {
             let report = self.score_preset(submitted, index, reference.as_ref(), pass_ms)?;
             self.gathered[index].frames.push(report);
             let n_systems = self.plan.systems.len();
             self.observer
-                .progress(frame.index * n_systems + index + 1, self.plan.n_frames * n_systems);
+                .progress(frame_index * n_systems + index + 1, self.plan.n_frames * n_systems);
         }
         self.reference = reference;
         Ok(())
@@ -148,16 +154,19 @@ impl<'a> Scorer<'a> {
             let slot = submitted.shown.get(index)?;
             Some(submitted.readback.rgb(*slot, self.sequence.output_size()))
         });
-        let image = image.transpose()?;
+        let image = image.transpose()?.map(Arc::new);
         let warmup = self.age < self.sequence.warmup_frames();
         let track = &mut self.gathered[index].track;
         let (scores, metrics_ms) = timed(|| {
             let computed = reference.zip(image.as_ref());
-            let computed = computed.map(|(reference, image)| track.score(reference, image, !warmup));
+            let computed = computed.map(|(reference, image)| {
+                let picture = Picture::linear(Arc::clone(image), self.sequence.display());
+                track.score(reference, &picture, !warmup)
+            });
             let computed = computed
                 .transpose()
                 .map_err(|error| RunError::Input(error.to_string()))?;
-            scores(submitted, index, computed, image.as_ref())
+            scores(submitted, index, computed, image.as_deref())
         });
         let scores = scores?;
         self.add("readback", readback_ms);

@@ -1,19 +1,19 @@
-//! Images of single frames as PNG or EXR: a sequence's reference; a report's output, reference and error. PNG shows
-//! display values, by the sequence's own display transform; EXR holds linear RGB, and the error as it was measured.
+//! Images of single frames as PNG or EXR: a sequence's reference; a report's output, reference, error, and the map of any
+//! spatial metric. PNG shows display values, by the sequence's own display transform; EXR holds linear RGB, and maps as
+//! they were measured.
 
 use super::{ApiError, ApiPath, ApiQuery, Service, Shared, reports};
 use crate::{
     image::{
         Image,
         files::{
-            Plane,
-            exr::{FloatFormat, write_exr, write_rgb_exr},
+            exr::{FloatFormat, write_map_exr, write_rgb_exr},
             png::encode_png,
         },
     },
     metrics::{
-        Display,
-        map::{NAN_COLOR, error_map, false_color},
+        Display, Metric, Picture,
+        map::{Map, NAN_COLOR, Scale, error_map, false_color},
     },
     sequence::{Channels, Sequence, frame::Rgb},
     store::Report,
@@ -23,7 +23,6 @@ use axum::{
     http::{HeaderName, HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
-use exr::prelude::Compression;
 use serde::Deserialize;
 use std::{
     fs,
@@ -42,6 +41,7 @@ enum Content {
     Output,
     Reference,
     Error,
+    Map(Metric),
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -52,17 +52,19 @@ enum Encoding {
 
 /// Splits `error.png` and the like.
 fn parse(image: &str) -> Result<(Content, Encoding), ApiError> {
-    let content = match image.split_once('.') {
-        Some(("output", extension)) => Some((Content::Output, extension)),
-        Some(("reference", extension)) => Some((Content::Reference, extension)),
-        Some(("error", extension)) => Some((Content::Error, extension)),
-        _ => None,
+    let (name, extension) = image.rsplit_once('.').unwrap_or((image, ""));
+    let content = match name {
+        "output" => Some(Content::Output),
+        "reference" => Some(Content::Reference),
+        "error" => Some(Content::Error),
+        metric => metric.parse().ok().map(Content::Map),
     };
-    match content {
-        Some((content, "png")) => Ok((content, Encoding::Png)),
-        Some((content, "exr")) => Ok((content, Encoding::Exr)),
+    match (content, extension) {
+        (Some(content), "png") => Ok((content, Encoding::Png)),
+        (Some(content), "exr") => Ok((content, Encoding::Exr)),
         _ => Err(ApiError::not_found(format!(
-            "there is no image `{image}`; there are output, reference and error, each as .png and .exr"
+            "there is no image `{image}`; there are output, reference, error and the map of each spatial metric, such as \
+             `flip`, all as .png and .exr"
         ))),
     }
 }
@@ -71,7 +73,7 @@ fn parse(image: &str) -> Result<(Content, Encoding), ApiError> {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImageQuery {
-    /// The error that is drawn white, in display values.
+    /// The error, in display values, or the value of a map that is drawn white.
     max: Option<f32>,
 }
 
@@ -95,15 +97,14 @@ pub async fn of_sequence(
     .await
 }
 
-/// `GET /reports/{report}/frames/{frame}/{output|reference|error}.{png|exr}`
+/// `GET /reports/{report}/frames/{frame}/{output|reference|error|METRIC}.{png|exr}`
 pub async fn of_report(
     State(service): Shared,
     ApiPath((id, frame_index, image)): ApiPath<(i64, usize, String)>,
     ApiQuery(query): ApiQuery<ImageQuery>,
 ) -> Result<Response, ApiError> {
     let (content, encoding) = parse(&image)?;
-    let max = query.max.unwrap_or(DEFAULT_MAX_ERROR);
-    if !(max > 0.0 && max.is_finite()) {
+    if query.max.is_some_and(|max| !(max > 0.0 && max.is_finite())) {
         return Err(ApiError::new(StatusCode::BAD_REQUEST, "bad_query", "`max` must be above 0").field("max"));
     }
     let report = reports::find(&service, id).await?;
@@ -117,7 +118,22 @@ pub async fn of_report(
             Content::Error => {
                 let output = output(&service, &report, frame_index)?;
                 let error = error_map(&source.reference(frame_index)?, &output, display).map_err(ApiError::internal)?;
-                encode_error(&service, &error, max, encoding)
+                let max = query.max.unwrap_or(DEFAULT_MAX_ERROR);
+                let mut response = match encoding {
+                    Encoding::Png => respond(encode_png(&false_color(&error, max), &[]), encoding),
+                    Encoding::Exr => respond(exr_of(&service, &error)?, encoding),
+                };
+                if let Ok(value) = HeaderValue::from_str(&max.to_string()) {
+                    response.headers_mut().insert(MAX_ERROR_HEADER, value);
+                }
+                Ok(response)
+            }
+            Content::Map(metric) => {
+                let output = output(&service, &report, frame_index)?;
+                let reference = Picture::linear(source.reference(frame_index)?, display);
+                let map = Map::new(metric, &reference, &Picture::linear(output, display));
+                let map = map.map_err(|error| ApiError::not_found(error.to_string()))?;
+                encode_map(&service, &map, query.max, encoding)
             }
         }
     })
@@ -195,7 +211,7 @@ fn encode_rgb(
     encoding: Encoding,
 ) -> Result<Response, ApiError> {
     let bytes = match encoding {
-        Encoding::Png => encode_png(&image.map(|pixel| shown(display, pixel))),
+        Encoding::Png => encode_png(&image.map(|pixel| shown(display, pixel)), &[]),
         Encoding::Exr => exr_bytes(service, |path| write_rgb_exr(path, image, FloatFormat::Float))?,
     };
     Ok(respond(bytes, encoding))
@@ -210,20 +226,20 @@ fn shown(display: Display, pixel: Rgb) -> [u8; 3] {
     values.map(|value| (value * 255.0).round() as u8)
 }
 
-fn encode_error(service: &Service, error: &Image<f32>, max: f32, encoding: Encoding) -> Result<Response, ApiError> {
+fn encode_map(service: &Service, map: &Map, max: Option<f32>, encoding: Encoding) -> Result<Response, ApiError> {
     if encoding == Encoding::Exr {
-        let channels = [("Y", Plane::F32(error.pixels().to_vec()))];
-        let extent = error.extent();
-        let bytes = exr_bytes(service, |path| {
-            write_exr(path, extent, &channels, FloatFormat::Float, Compression::ZIP16)
-        })?;
-        return Ok(respond(bytes, encoding));
+        return Ok(respond(exr_of(service, &map.values)?, encoding));
     }
-    let mut response = respond(encode_png(&false_color(error, max)), encoding);
-    if let Ok(value) = HeaderValue::from_str(&max.to_string()) {
-        response.headers_mut().insert(MAX_ERROR_HEADER, value);
-    }
-    Ok(response)
+    let default = map.scale();
+    let scale = Scale {
+        white: max.unwrap_or(default.white),
+        ..default
+    };
+    Ok(respond(map.encode_png(scale), encoding))
+}
+
+fn exr_of(service: &Service, map: &Image<f32>) -> Result<Vec<u8>, ApiError> {
+    exr_bytes(service, |path| write_map_exr(path, map))
 }
 
 /// The writer seeks in its file, so the bytes go by way of one.

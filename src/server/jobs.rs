@@ -44,7 +44,7 @@ pub struct JobRequest {
 }
 
 fn default_metrics() -> Vec<Metric> {
-    vec![Metric::Psnr, Metric::Ssim]
+    vec![Metric::PSNR, Metric::SSIM]
 }
 
 fn default_repeat() -> u32 {

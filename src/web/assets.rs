@@ -67,7 +67,7 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
 /// The colours of error images, from 0 to white.
 fn error_scale() -> Vec<u8> {
     let extent = Extent::new(256, 1);
-    encode_png(&false_color(&Image::from_fn(extent, |x, _| x as f32 / 255.0), 1.0))
+    encode_png(&false_color(&Image::from_fn(extent, |x, _| x as f32 / 255.0), 1.0), &[])
 }
 
 /// The address of an asset.

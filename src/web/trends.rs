@@ -32,7 +32,7 @@ pub struct TrendQuery {
 impl Default for TrendQuery {
     fn default() -> Self {
         Self {
-            metric: Metric::Psnr.id().to_owned(),
+            metric: Metric::PSNR.id().to_owned(),
             sequence: String::new(),
             preset: String::new(),
             adapter: String::new(),

@@ -2,7 +2,7 @@
 
 use crate::{
     golden::{PAIRS, agree, fixture, hdr, reader, scores},
-    support::{gpu_scores, metrics_for, noise, on_device},
+    support::{cpu_scores, gpu_scores, metrics_for, noise, on_device},
 };
 use afterimage::{
     compare::{CompareError, Comparison, Criteria, compare},
@@ -10,7 +10,7 @@ use afterimage::{
         Extent, Image,
         files::exr::{FloatFormat, write_rgb_exr},
     },
-    metrics::{Better, Display, FrameScores, Metric, Reference},
+    metrics::{Better, Display, FrameScores, Metric},
     sequence::frame::Rgb,
 };
 
@@ -30,9 +30,7 @@ fn noisy(amplitude: f32) -> Image<Rgb> {
 }
 
 fn on_cpu(reference: &Image<Rgb>, test: &Image<Rgb>) -> FrameScores {
-    Reference::new(reference, Display::default(), &metrics_for(EXTENT))
-        .evaluate(test)
-        .unwrap()
+    cpu_scores(reference, test, Display::default(), &metrics_for(EXTENT)).unwrap()
 }
 
 fn on_gpu(reference: &Image<Rgb>, test: &Image<Rgb>) -> FrameScores {
@@ -64,7 +62,7 @@ fn swapping_changes_snr_and_rel_mse_and_hdr_flip_alone() {
     let (forth, back) = (on_cpu(&a, &b), on_cpu(&b, &a));
     for metric in metrics_for(EXTENT) {
         let same = forth.values[metric.id()] == back.values[metric.id()];
-        let symmetric = !matches!(metric, Metric::Snr | Metric::RelMse | Metric::HdrFlip);
+        let symmetric = ![Metric::SNR, Metric::REL_MSE, Metric::HDR_FLIP].contains(&metric);
         assert_eq!(same, symmetric, "{metric}");
     }
 }
@@ -130,14 +128,14 @@ fn bad_pixels_of_both_images_are_counted_once() {
 fn images_that_do_not_fit_are_refused_by_name() {
     let small = |metrics: &[Metric], width, height| {
         let image = Image::filled(Extent::new(width, height), [0.5; 3]);
-        Reference::new(&image, Display::default(), metrics).evaluate(&image)
+        cpu_scores(&image, &image, Display::default(), metrics)
     };
-    assert!(small(&[Metric::Ssim, Metric::Flip], 11, 11).is_ok());
-    assert!(small(&[Metric::MsSsimY], 161, 161).is_ok());
-    assert!(small(&[Metric::MsSsimY], 161, 160).is_err());
-    assert!(small(&[Metric::Psnr], 1, 1).is_ok());
+    assert!(small(&[Metric::SSIM, Metric::FLIP], 11, 11).is_ok());
+    assert!(small(&[Metric::MS_SSIM_Y], 161, 161).is_ok());
+    assert!(small(&[Metric::MS_SSIM_Y], 161, 160).is_err());
+    assert!(small(&[Metric::PSNR], 1, 1).is_ok());
     for (width, height) in [(10, 50), (50, 10)] {
-        let error = small(&[Metric::Psnr, Metric::SsimY], width, height)
+        let error = small(&[Metric::PSNR, Metric::SSIM_Y], width, height)
             .unwrap_err()
             .to_string();
         assert!(
@@ -149,7 +147,7 @@ fn images_that_do_not_fit_are_refused_by_name() {
 
 fn criteria() -> Criteria {
     Criteria {
-        metrics: vec![Metric::Psnr],
+        metrics: vec![Metric::PSNR],
         display: Display::default(),
     }
 }

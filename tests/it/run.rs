@@ -30,7 +30,7 @@ fn spec(presets: &[&str]) -> RunSpec {
                 parameters: serde_json::Map::new(),
             })
             .collect(),
-        metrics: [Metric::Flip].into_iter().chain(on_device()).collect(),
+        metrics: [Metric::FLIP].into_iter().chain(on_device()).collect(),
         history: Precision::F32,
         n_frames: None,
         repeat: 1,
@@ -225,7 +225,7 @@ fn scores(name: &str, expected: &[Published]) {
     let sequence = Sequence::open(&folder, &FileReader::new(Backend::Auto, Limits::default())).unwrap();
     let presets: Vec<_> = expected.iter().map(|(preset, ..)| *preset).collect();
     let mut wanted = spec(&presets);
-    wanted.metrics = vec![Metric::Psnr, Metric::Ssim];
+    wanted.metrics = vec![Metric::PSNR, Metric::SSIM];
     let report = execute(&wanted, &sequence);
     for (&(preset, psnr, ssim), found) in expected.iter().zip(&report.reports) {
         let mean = |id: &str| found.summary[id].mean.0;

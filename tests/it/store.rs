@@ -58,7 +58,7 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
         spec: JobSpec {
             run: RunSpec {
                 presets: presets.iter().map(preset).collect(),
-                metrics: vec![Metric::Psnr],
+                metrics: vec![Metric::PSNR],
                 history: Precision::F16,
                 n_frames: None,
                 repeat: 1,
@@ -99,7 +99,7 @@ fn report(presets: &[&str], psnr: &[f64]) -> Report {
         frames: psnr.iter().enumerate().map(|(i, &x)| frame(i, x)).collect(),
         summary: BTreeMap::from([(
             "psnr".to_owned(),
-            Summary::new(Metric::Psnr, psnr.iter().map(|&x| Value(x))),
+            Summary::new(Metric::PSNR, psnr.iter().map(|&x| Value(x))),
         )]),
         times_ms: BTreeMap::from([("prepare".to_owned(), time(0.25)), ("resolve".to_owned(), time(0.5))]),
     };

@@ -1,22 +1,23 @@
 //! Temporal metrics against sequences whose answers are known by hand, and against defects that they must see.
 
-use crate::support::noise;
+use crate::support::{cpu_scores, noise};
 use afterimage::{
     image::{Extent, Image},
-    metrics::{Display, FrameScores, LateValue, Metric, Reference, Track, display::linear_from_srgb},
+    metrics::{Display, FrameScores, LateValue, Metric, Picture, Reference, Track, display::linear_from_srgb},
     sequence::frame::Rgb,
 };
+use std::sync::Arc;
 
 const EXTENT: Extent = Extent::new(48, 32);
 const TEMPORAL: [Metric; 8] = [
-    Metric::Tpsnr,
-    Metric::WarpedTpsnr,
-    Metric::WarpExcess,
-    Metric::Flicker,
-    Metric::FlickerLocal,
-    Metric::Ghost,
-    Metric::Blur,
-    Metric::ConvergeFrames,
+    Metric::TPSNR,
+    Metric::WARPED_TPSNR,
+    Metric::WARP_EXCESS,
+    Metric::FLICKER,
+    Metric::FLICKER_LOCAL,
+    Metric::GHOST,
+    Metric::BLUR,
+    Metric::CONVERGE_FRAMES,
 ];
 
 /// A smooth grey pattern, moved right by `shift` pixels.
@@ -33,6 +34,10 @@ fn reference(index: usize, speed: f64) -> Image<Rgb> {
     grey(|x, y| pattern(x.into(), y.into(), speed * index as f64))
 }
 
+fn picture(image: Image<Rgb>) -> Picture {
+    Picture::linear(image, Display::default())
+}
+
 /// Scores `n_frames` of a pattern that moves right, against what `test` makes of them. Resets at `resets`.
 fn run(
     n_frames: usize,
@@ -40,16 +45,28 @@ fn run(
     resets: &[usize],
     test: impl Fn(usize) -> Image<Rgb>,
 ) -> (Vec<FrameScores>, Vec<LateValue>) {
-    let motion = Image::filled(EXTENT, [-speed as f32, 0.0]);
-    let mut track = Track::new(&TEMPORAL);
-    let mut previous = None;
+    run_metrics(&TEMPORAL, n_frames, speed, resets, test)
+}
+
+fn run_metrics(
+    metrics: &[Metric],
+    n_frames: usize,
+    speed: f64,
+    resets: &[usize],
+    test: impl Fn(usize) -> Image<Rgb>,
+) -> (Vec<FrameScores>, Vec<LateValue>) {
+    let motion = Arc::new(Image::filled(EXTENT, [-speed as f32, 0.0]));
+    let mut track = Track::new(metrics);
+    let mut previous: Option<Reference> = None;
     let mut scores = Vec::new();
     for index in 0..n_frames {
-        let mut frame = Reference::new(&reference(index, speed), Display::default(), &TEMPORAL);
-        if let Some(previous) = previous.filter(|_| !resets.contains(&index)) {
-            frame = frame.follow(&previous, Some(&motion));
-        }
-        scores.push(track.score(&frame, &test(index), true).unwrap());
+        let frame = picture(reference(index, speed));
+        let frame = match &previous {
+            None => Reference::new(frame, metrics),
+            Some(previous) if resets.contains(&index) => Reference::restart(previous, frame),
+            Some(previous) => previous.follow(frame, Some(&motion)),
+        };
+        scores.push(track.score(&frame, &picture(test(index)), true).unwrap());
         previous = Some(frame);
     }
     (scores, track.finish())
@@ -181,6 +198,6 @@ fn a_non_finite_pixel_spoils_two_changes() {
 #[test]
 fn two_images_have_no_temporal_value() {
     let image = reference(0, 0.0);
-    let error = Reference::new(&image, Display::default(), &[Metric::Flicker]).evaluate(&image);
+    let error = cpu_scores(&image, &image, Display::default(), &[Metric::FLICKER]);
     assert!(error.unwrap_err().to_string().contains("`flicker` needs a sequence"));
 }

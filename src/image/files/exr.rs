@@ -3,7 +3,7 @@
 //!
 //! DWA is left to the decode worker: damaged DWA makes this decoder ask for terabytes, and that ends the process.
 
-pub use super::save::{FloatFormat, write_exr, write_rgb_exr};
+pub use super::save::{FloatFormat, write_exr, write_map_exr, write_rgb_exr};
 pub use ::exr::compression::Compression;
 
 use super::protocol::{Channel, Header, Part, PlaneRequest, SampleType, Window};

@@ -70,6 +70,12 @@ pub fn write_rgb_exr(path: &Path, image: &Image<[f32; 3]>, format: FloatFormat) 
     write_exr(path, image.extent(), &channels, format, Compression::PIZ)
 }
 
+/// Writes one value a pixel, as channel `Y` in 32 bits.
+pub fn write_map_exr(path: &Path, map: &Image<f32>) -> Result<(), ImageError> {
+    let channels = [("Y", Plane::F32(map.pixels().to_vec()))];
+    write_exr(path, map.extent(), &channels, FloatFormat::Float, Compression::ZIP16)
+}
+
 /// Gives `write` a file beside `path` and renames it to `path` when that succeeds.
 pub(super) fn atomically(
     path: &Path,

@@ -64,6 +64,7 @@ impl Kernel {
     }
 
     /// `output[i] = Σ weight(k) · tap(k)[i]`, where `tap(k)` is the input moved by k − [`APRON`].
+    #[inline(always)]
     fn apply<'a>(&self, tap: impl Fn(usize) -> &'a [f32], output: &mut [f32; TILE]) {
         let sign = if self.odd { -1.0 } else { 1.0 };
         for (block, output) in output.chunks_exact_mut(BLOCK).enumerate() {
@@ -140,6 +141,7 @@ impl Scratch {
         }
     }
 
+    #[inline(always)]
     pub fn filter_rows(&mut self, filters: &Filters) {
         let Filters {
             blue_yellow: [wide, narrow],
@@ -162,6 +164,7 @@ impl Scratch {
     }
 
     /// Row `y` of the tile: what the eye sees of Y, Cx and Cz, and the strengths of edges and points.
+    #[inline(always)]
     pub fn filter_columns(&self, filters: &Filters, y: usize) -> [[f32; TILE]; 5] {
         let along = |kernel: &Kernel, rows: &Rows| {
             let mut output = [0.0; TILE];
@@ -184,6 +187,7 @@ impl Scratch {
     }
 }
 
+#[inline(always)]
 fn length(a: [f32; TILE], b: [f32; TILE]) -> [f32; TILE] {
     // Of Y from −16 to 100; features are defined for 0 to 1.
     std::array::from_fn(|x| (a[x] * a[x] + b[x] * b[x]).sqrt() / 116.0)

@@ -10,7 +10,17 @@
 mod color;
 mod filters;
 
-use super::{Better, Definition, Domain, MetricInfo, Quantity, Shown, Sums, display, summary::percentile};
+use super::{
+    Better, MetricInfo, display,
+    mask::{self, ByClass, ByMask, Classes, counts, sum_rows},
+    metric::Definition,
+    picture::Picture,
+    quantity::{Quantity, Sums},
+    reference::Pair,
+    same::Same,
+    shown::Shown,
+    vector::vectorised,
+};
 use crate::image::{Extent, Image};
 use color::Colors;
 use filters::{APRON, Filters, INPUT, Scratch, TILE};
@@ -25,7 +35,7 @@ pub(super) const FLIP: Definition = Definition {
         description: "LDR-FLIP at 67.02 pixels per degree: mean",
     },
     quantity: Quantity::Flip,
-    value: Sums::mean,
+    value: |sums| Some(sums.mean()),
     relative_mse: None,
 };
 
@@ -37,8 +47,8 @@ pub(super) const FLIP_P95: Definition = Definition {
         version: 1,
         description: "LDR-FLIP at 67.02 pixels per degree: 95th percentile",
     },
-    quantity: Quantity::Flip,
-    value: |sums| percentile_95(&sums.samples),
+    quantity: Quantity::FlipPercentile,
+    value: |sums| Some(sums.terms[0]),
     relative_mse: None,
 };
 
@@ -51,7 +61,7 @@ pub(super) const HDR_FLIP: Definition = Definition {
         description: "HDR-FLIP at 67.02 pixels per degree, ACES, over the reference's exposures: mean",
     },
     quantity: Quantity::HdrFlip,
-    value: Sums::mean,
+    value: |sums| Some(sums.mean()),
     relative_mse: None,
 };
 
@@ -72,7 +82,7 @@ enum Light<'a> {
     /// As displayed.
     Displayed(&'a Shown),
     /// Exposed by a factor and tone mapped.
-    Exposed(&'a Shown, f32),
+    Exposed(&'a Picture, f32),
 }
 
 /// The tools of a thread.
@@ -80,6 +90,7 @@ struct Eye {
     colors: Colors,
     filters: Filters,
     scratch: Scratch,
+    light: [Vec<f64>; 3],
 }
 
 impl SeenImage {
@@ -95,51 +106,74 @@ impl SeenImage {
 }
 
 /// FLIP of each pixel of the displayed images.
-pub(super) fn map(reference: &Shown, test: &Shown) -> Image<f32> {
-    let (columns, _) = tiles(reference.extent());
-    let seen = reference.seen();
-    per_tile(reference.extent(), |eye, column, row| {
-        if same(Domain::Display, reference, test, column, row) {
-            return None;
-        }
-        let test = eye.see(Light::Displayed(test), column, row);
-        Some(eye.differences(&seen.0[row * columns + column], &test))
+pub(super) fn map(pair: &Pair) -> Image<f32> {
+    let (columns, _) = tiles(pair.reference.extent());
+    let seen = pair.reference.seen();
+    per_tile(pair, |eye, column, row| {
+        let test = eye.see(Light::Displayed(pair.shown), column, row);
+        eye.differences(&seen.0[row * columns + column], &test)
     })
 }
 
 /// The largest FLIP of each pixel over the exposures that show the reference from its highlights to its median.
-pub(super) fn hdr_map(reference: &Shown, test: &Shown) -> Image<f32> {
-    let exposures = reference.exposures();
-    per_tile(reference.extent(), |eye, column, row| {
-        if same(Domain::Linear, reference, test, column, row) {
-            return None;
-        }
+pub(super) fn hdr_map(pair: &Pair) -> Image<f32> {
+    let exposures = pair.reference.exposures();
+    per_tile(pair, |eye, column, row| {
         let mut largest = vec![[0.0_f32; TILE]; TILE];
         for factor in exposures.factors() {
-            let [r, t] = [reference, test].map(|image| eye.see(Light::Exposed(image, factor), column, row));
+            let [r, t] = [pair.reference.picture(), pair.test]
+                .map(|picture| eye.see(Light::Exposed(picture, factor), column, row));
             for (largest, differences) in largest.iter_mut().zip(eye.differences(&r, &t)) {
                 *largest = std::array::from_fn(|x| largest[x].max(differences[x]));
             }
         }
-        Some(largest)
+        largest
     })
 }
 
-pub(super) fn sums(map: Image<f32>) -> Sums {
-    // Row by row, so that rounding does not grow with the image.
-    let rows = map.pixels().chunks(map.extent().width as usize);
-    Sums {
-        total: rows.map(|row| row.iter().copied().map(f64::from).sum::<f64>()).sum(),
-        n: map.pixels().len(),
-        samples: map.into_pixels(),
-        ..Sums::default()
-    }
+pub(super) fn sums(map: &Image<f32>, classes: Option<&Classes>) -> ByClass<Sums> {
+    let [totals] = sum_rows(map.extent(), classes, |y, [values]| {
+        for (value, flip) in values.iter_mut().zip(map.row(y as u32)) {
+            *value = f64::from(*flip);
+        }
+    });
+    let n = classes.map_or_else(|| mask::all(map.pixels().len()), |classes| classes.n_pixels);
+    std::array::from_fn(|class| {
+        let mut sums = Sums::default();
+        (sums.n, sums.terms[0]) = (n[class], totals[class]);
+        sums
+    })
 }
 
-fn percentile_95(samples: &[f32]) -> f64 {
-    let mut sorted: Vec<f64> = samples.iter().copied().map(f64::from).collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    percentile(&sorted, 0.95)
+/// Of all pixels, and of those of each mask.
+pub(super) fn percentiles_95(map: &Image<f32>, classes: Option<&Classes>) -> ByMask<Sums> {
+    std::array::from_fn(|place| {
+        let mut sorted: Vec<f32> = match (place, classes) {
+            (0, _) => map.pixels().to_vec(),
+            (_, None) => Vec::new(),
+            (_, Some(classes)) => {
+                let pixels = map.pixels().iter().zip(classes.all());
+                let counted = pixels.filter(|(_, class)| counts(place, usize::from(**class)));
+                counted.map(|(flip, _)| *flip).collect()
+            }
+        };
+        let mut sums = Sums::default();
+        sums.n = sorted.len() as f64;
+        sums.terms[0] = percentile_95(&mut sorted);
+        sums
+    })
+}
+
+/// Linear between the two order statistics around it, for which nothing else needs to be sorted.
+fn percentile_95(values: &mut [f32]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let rank = 0.95 * (values.len() - 1) as f64;
+    let (_, below, above) = values.select_nth_unstable_by(rank as usize, f32::total_cmp);
+    let below = f64::from(*below);
+    let next = above.iter().copied().min_by(f32::total_cmp).map_or(below, f64::from);
+    below + (next - below) * rank.fract()
 }
 
 /// How many tiles cover each axis.
@@ -150,19 +184,19 @@ fn tiles(extent: Extent) -> (usize, usize) {
     )
 }
 
-/// A map from the differences of each tile, given its column and row of tiles; none are zero everywhere.
-fn per_tile(
-    extent: Extent,
-    differences: impl Fn(&mut Eye, usize, usize) -> Option<Vec<[f32; TILE]>> + Sync,
-) -> Image<f32> {
+/// A map from the differences of each tile, given its column and row of tiles. They are zero where the images are the same
+/// as far as the filters reach.
+fn per_tile(pair: &Pair, differences: impl Fn(&mut Eye, usize, usize) -> Vec<[f32; TILE]> + Sync) -> Image<f32> {
+    let extent = pair.reference.extent();
     let width = extent.width as usize;
     let mut map = Image::filled(extent, 0.0);
     let bands = map.pixels_mut().par_chunks_mut(width * TILE).enumerate();
     bands.for_each_init(Eye::new, |eye, (row, band)| {
         for column in 0..width.div_ceil(TILE) {
-            let Some(tile) = differences(eye, column, row) else {
+            if is_same(pair.same, column, row) {
                 continue;
-            };
+            }
+            let tile = differences(eye, column, row);
             for (pixels, differences) in band.chunks_mut(width).zip(&tile) {
                 let pixels = &mut pixels[column * TILE..];
                 let n = pixels.len().min(TILE);
@@ -173,20 +207,9 @@ fn per_tile(
     map
 }
 
-/// Whether a tile and everything its filters reach are equal to the last bit.
-fn same(domain: Domain, reference: &Shown, test: &Shown, column: usize, row: usize) -> bool {
-    let extent = reference.extent();
-    let reach =
-        |tile: usize, size: u32| (tile * TILE).saturating_sub(APRON)..(tile * TILE + TILE + APRON).min(size as usize);
-    let columns = reach(column, extent.width);
-    (0..3).all(|channel| {
-        let [r, t] = [reference, test].map(|image| image.plane(domain, channel));
-        reach(row, extent.height).all(|y| {
-            let start = y * extent.width as usize;
-            let span = start + columns.start..start + columns.end;
-            r[span.clone()] == t[span]
-        })
-    })
+fn is_same(same: &Same, column: usize, row: usize) -> bool {
+    let reach = |tile: usize| (tile * TILE).saturating_sub(APRON)..tile * TILE + TILE + APRON;
+    same.covers(reach(column), reach(row))
 }
 
 impl Eye {
@@ -195,29 +218,25 @@ impl Eye {
             colors: Colors::new(),
             filters: Filters::new(),
             scratch: Scratch::new(),
+            light: [(); 3].map(|()| vec![0.0; INPUT]),
         }
     }
 
     fn see(&mut self, light: Light, column: usize, row: usize) -> Seen {
-        let extent = light.image().extent();
+        let extent = light.extent();
         // Beyond the image its edge goes on.
         let clamped = |tile: usize, i: usize, size: u32| (tile * TILE + i).saturating_sub(APRON).min(size as usize - 1);
         let columns: [usize; INPUT] = std::array::from_fn(|x| clamped(column, x, extent.width));
         for y in 0..INPUT {
-            let rgb = light.row(clamped(row, y, extent.height), &columns);
-            let [l, cx, cz] = self.scratch.input.each_mut().map(|channel| &mut channel[y]);
-            for x in 0..INPUT {
-                [l[x], cx[x], cz[x]] = self.colors.ycxcz([rgb[0][x], rgb[1][x], rgb[2][x]]);
-            }
+            let rgb = light.row(clamped(row, y, extent.height), &columns, &mut self.light);
+            let row = self.scratch.input.each_mut().map(|channel| &mut channel[y]);
+            opponent(self.colors, &rgb, row);
         }
-        self.scratch.filter_rows(&self.filters);
+        filter_rows(&mut self.scratch, &self.filters);
         let mut seen = [(); 5].map(|()| Vec::with_capacity(TILE));
         for y in 0..TILE {
-            let [mut l, mut a, mut b, edge, point] = self.scratch.filter_columns(&self.filters, y);
-            for x in 0..TILE {
-                [l[x], a[x], b[x]] = self.colors.hunt_lab([l[x], a[x], b[x]]);
-            }
-            for (seen, row) in seen.iter_mut().zip([l, a, b, edge, point]) {
+            let row = see_row(&self.scratch, &self.filters, self.colors, y);
+            for (seen, row) in seen.iter_mut().zip(row) {
                 seen.push(row);
             }
         }
@@ -226,54 +245,96 @@ impl Eye {
 
     fn differences(&self, reference: &Seen, test: &Seen) -> Vec<[f32; TILE]> {
         let row = |y: usize| {
-            let [l, a, b, edge, point] = reference.each_ref().map(|plane| &plane[y]);
-            let [m, c, d, other_edge, other_point] = test.each_ref().map(|plane| &plane[y]);
-            let mut differences = [0.0; TILE];
-            for x in 0..TILE {
-                let color = self.colors.difference([l[x], a[x], b[x]], [m[x], c[x], d[x]]);
-                let (edge, point) = ((edge[x] - other_edge[x]).abs(), (point[x] - other_point[x]).abs());
-                let feature = if edge > point { edge } else { point };
-                differences[x] = color::pow(color, 1.0 - (feature * std::f32::consts::FRAC_1_SQRT_2).sqrt());
-            }
-            differences
+            let [reference, test] = [reference, test].map(|seen| seen.each_ref().map(|plane| &plane[y]));
+            differ(self.colors, reference, test)
         };
         (0..TILE).map(row).collect()
     }
 }
 
-impl<'a> Light<'a> {
-    fn image(self) -> &'a Shown {
-        match self {
-            Self::Displayed(shown) | Self::Exposed(shown, _) => shown,
+vectorised! {
+    /// Lightness and two chromas of a row.
+    fn opponent<'a>(colors: Colors, rgb: &'a [[f32; INPUT]; 3], row: [&'a mut [f32; INPUT]; 3]) {
+        let ([r, g, b], [l, cx, cz]) = (rgb, row);
+        for x in 0..INPUT {
+            [l[x], cx[x], cz[x]] = colors.ycxcz([r[x], g[x], b[x]]);
         }
     }
 
-    /// Some columns of row `y`.
-    fn row(self, y: usize, columns: &[usize; INPUT]) -> [[f32; INPUT]; 3] {
-        let start = y * self.image().extent().width as usize;
-        let load = |domain: Domain, light: &dyn Fn(&mut [f32; INPUT])| {
-            std::array::from_fn(|channel| {
-                let row = &self.image().plane(domain, channel)[start..];
-                let mut values = [0.0; INPUT];
-                for (value, &x) in values.iter_mut().zip(columns) {
-                    *value = row[x] as f32;
+    fn filter_rows<'a>(scratch: &'a mut Scratch, filters: &'a Filters) {
+        scratch.filter_rows(filters);
+    }
+
+    /// What the eye sees of a row.
+    fn see_row<'a>(scratch: &'a Scratch, filters: &'a Filters, colors: Colors, y: usize) -> [[f32; TILE]; 5] {
+        let [mut l, mut a, mut b, edge, point] = scratch.filter_columns(filters, y);
+        for x in 0..TILE {
+            [l[x], a[x], b[x]] = colors.hunt_lab([l[x], a[x], b[x]]);
+        }
+        [l, a, b, edge, point]
+    }
+
+    fn differ<'a>(colors: Colors, reference: [&'a [f32; TILE]; 5], test: [&'a [f32; TILE]; 5]) -> [f32; TILE] {
+        let ([l, a, b, edge, point], [m, c, d, other_edge, other_point]) = (reference, test);
+        let mut differences = [0.0; TILE];
+        for x in 0..TILE {
+            let color = colors.difference([l[x], a[x], b[x]], [m[x], c[x], d[x]]);
+            let (edge, point) = ((edge[x] - other_edge[x]).abs(), (point[x] - other_point[x]).abs());
+            let feature = if edge > point { edge } else { point };
+            differences[x] = color::pow(color, 1.0 - (feature * std::f32::consts::FRAC_1_SQRT_2).sqrt());
+        }
+        differences
+    }
+
+    fn decode<'a>(light: &'a mut [[f32; INPUT]; 3]) {
+        for row in light {
+            for value in row {
+                *value = color::decode(*value);
+            }
+        }
+    }
+
+    fn expose<'a>(light: &'a mut [[f32; INPUT]; 3], factor: f32) {
+        for row in light {
+            for value in row {
+                *value = color::aces(factor * *value);
+            }
+        }
+    }
+}
+
+impl Light<'_> {
+    fn extent(self) -> Extent {
+        match self {
+            Self::Displayed(shown) => shown.extent(),
+            Self::Exposed(picture, _) => picture.extent(),
+        }
+    }
+
+    /// Some columns of row `y`; `rows` is room for it.
+    fn row(self, y: usize, columns: &[usize; INPUT], rows: &mut [Vec<f64>; 3]) -> [[f32; INPUT]; 3] {
+        let span = columns[0]..columns[INPUT - 1] + 1;
+        let mut light = [[0.0; INPUT]; 3];
+        let mut gather = |rows: [&[f64]; 3]| {
+            for (light, row) in light.iter_mut().zip(rows) {
+                for (value, x) in light.iter_mut().zip(columns) {
+                    *value = row[x - span.start] as f32;
                 }
-                light(&mut values);
-                values
-            })
+            }
         };
         match self {
-            Self::Displayed(_) => load(Domain::Display, &|row| {
-                for value in row {
-                    *value = color::decode(*value);
-                }
-            }),
-            Self::Exposed(_, factor) => load(Domain::Linear, &|row| {
-                for value in row {
-                    *value = color::aces(factor * *value);
-                }
-            }),
+            Self::Displayed(shown) => {
+                gather(shown.rows(y, span.clone()));
+                decode(&mut light);
+            }
+            Self::Exposed(picture, factor) => {
+                let n = span.len();
+                picture.light(y, span.clone(), rows.each_mut().map(|row| &mut row[..n]));
+                gather(rows.each_ref().map(|row| &row[..n]));
+                expose(&mut light, factor);
+            }
         }
+        light
     }
 }
 
@@ -287,9 +348,16 @@ pub(super) struct Exposures {
 }
 
 impl Exposures {
-    pub(super) fn of(reference: &Shown) -> Self {
-        let [r, g, b] = [0, 1, 2].map(|channel| reference.plane(Domain::Linear, channel));
-        let mut luminance: Vec<f64> = (0..r.len()).map(|i| display::luma([r[i], g[i], b[i]])).collect();
+    pub(super) fn of(reference: &Picture) -> Self {
+        let width = reference.extent().width as usize;
+        let mut luminance = vec![0.0; reference.extent().n_pixels()];
+        let mut rows = [(); 3].map(|()| vec![0.0; width]);
+        for (y, luminance) in luminance.chunks_mut(width).enumerate() {
+            reference.light(y, 0..width, rows.each_mut().map(|row| &mut row[..]));
+            for (x, luminance) in luminance.iter_mut().enumerate() {
+                *luminance = display::luma(rows.each_ref().map(|row| row[x]));
+            }
+        }
         let middle = luminance.len() / 2;
         let (_, median, above) = luminance.select_nth_unstable_by(middle, f64::total_cmp);
         let brightest = above.iter().copied().fold(*median, f64::max);

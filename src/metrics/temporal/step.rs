@@ -1,161 +1,199 @@
 //! From one frame of the reference to the next: its motion, where that can be trusted, and how the reference changed.
 
-use super::{Shown, Sums, sum_in_rows};
-use crate::{
-    image::{Extent, Image},
-    metrics::Domain,
+use super::{
+    super::{
+        Metric,
+        mask::{ByClass, Class, Classes, DISOCCLUDED, MOVING, sum_rows},
+        plane::Plane,
+        quantity::{Quantity, Sums, quantities},
+        reference::{Pair, Reference},
+    },
+    Past,
 };
+use crate::image::{Extent, Image};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// The largest difference in luma between a pixel and where it came from.
 const REPROJECTS_WITHIN: f64 = 0.05;
-/// Below this share of its largest possible value the fit's determinant is rounding: both patterns are one.
-const SINGULAR: f64 = 1e-12;
+/// Motion in pixels from which on a pixel moves.
+const MOVES_FROM_PX: f32 = 0.01;
+
+/// What is measured between a frame and the one before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Change {
+    /// Σ(ΔT − ΔR)² of display RGB, where Δ is the change since the previous frame.
+    Step,
+    /// The same of luma along the reference's motion.
+    WarpedStep,
+    /// Σ of how much more luma changes along the motion.
+    WarpExcess,
+    /// Σ of the change of the luma error.
+    MeanError,
+    /// Of the patterns of ghosting g and blur b and the luma error e: Σ gg, Σ bb, Σ gb, Σ ge, Σ be.
+    Fit,
+}
+
+impl Change {
+    /// Whether it is measured along the motion, where that leads back.
+    pub const fn follows_motion(self) -> bool {
+        matches!(self, Self::WarpedStep | Self::WarpExcess)
+    }
+
+    /// Everything but [`Change::Step`], which needs no luma.
+    pub fn measure(self, pair: &Pair, past: &Past) -> ByClass<Sums> {
+        let step = pair.reference.step().expect("there is a frame before");
+        let previous = past.luma().expect("luma is kept from frame to frame");
+        match self {
+            Self::Step => unreachable!("measured pixel by pixel"),
+            Self::WarpedStep => step.along_motion(pair, previous, |t, r| (t - r) * (t - r)),
+            Self::WarpExcess => step.along_motion(pair, previous, |t, r| t.abs() - r.abs()),
+            Self::MeanError => step.mean_error(pair, previous),
+            Self::Fit => step.fit(pair),
+        }
+    }
+}
 
 /// Two frames of the reference.
-pub(in super::super) struct Step {
-    previous: Arc<Shown>,
+pub struct Step {
+    /// Whether every pixel of the first is.
+    pub is_finite: bool,
+    /// Where metrics ask for masks.
+    pub classes: Option<Classes>,
+    /// Of the first.
+    luma: Option<Arc<Plane>>,
     warp: Option<Warp>,
-    patterns: OnceLock<Option<Patterns>>,
+    patterns: OnceLock<[ByClass<f64>; 3]>,
 }
 
 impl Step {
-    /// To `current`, along `motion_px` where it is known.
-    pub(in super::super) fn new(previous: Arc<Shown>, current: &Shown, motion_px: Option<&Image<[f32; 2]>>) -> Self {
+    /// From `previous` to `current`, along `motion_px` where it is known.
+    pub fn new(previous: &Reference, current: &Reference, motion_px: Option<&Arc<Image<[f32; 2]>>>) -> Self {
+        let metrics = current.metrics();
+        let reads_luma = |quantity: Quantity| quantity.reads_luma() && matches!(quantity, Quantity::Change(_));
+        let warp = motion_px.map(|motion_px| Warp::new(previous, current, motion_px));
         Self {
-            warp: motion_px.map(|motion| Warp::new(&previous, current, motion)),
-            previous,
+            is_finite: previous.shown().is_finite(),
+            classes: match metrics.iter().any(|metric: &Metric| metric.mask().is_some()) {
+                true => warp.as_ref().map(Warp::classes),
+                false => None,
+            },
+            luma: quantities(metrics)
+                .into_iter()
+                .any(reads_luma)
+                .then(|| Arc::clone(previous.luma())),
+            warp,
             patterns: OnceLock::new(),
         }
     }
 
-    /// Whether neither previous frame has a non-finite pixel.
-    pub(in super::super) fn is_finite(&self, previous_test: &Shown) -> bool {
-        self.previous.count_non_finite(previous_test) == 0
+    fn luma(&self) -> &[f64] {
+        self.luma.as_ref().expect("made for the quantities that read it")
     }
 
-    pub(super) fn warp(&self) -> Option<&Warp> {
-        self.warp.as_ref()
+    fn mean_error(&self, pair: &Pair, previous_test: &[f64]) -> ByClass<Sums> {
+        let extent = pair.reference.extent();
+        let [r, t, r0, t0] = [pair.reference.luma(), pair.luma(), self.luma(), previous_test];
+        let [totals] = sum_rows(extent, pair.reference.classes(), |y, [changes]| {
+            let start = y * changes.len();
+            for (x, change) in changes.iter_mut().enumerate() {
+                let i = start + x;
+                *change = (t[i] - r[i]) - (t0[i] - r0[i]);
+            }
+        });
+        sums(pair.reference.n_pixels(), [totals])
     }
 
-    /// Σ (ΔT − ΔR)² of display RGB, where Δ is the change since the previous frame.
-    pub(super) fn squared_error(&self, reference: &Shown, test: &Shown, previous_test: &Shown) -> Sums {
-        let extent = reference.extent();
-        let images = [test, previous_test, reference, &self.previous];
-        let total = sum_in_rows(extent, |pixels| {
-            let errors = (0..3).map(|channel| {
-                let [t, t0, r, r0] = images.map(|image| &image.plane(Domain::Display, channel)[pixels.clone()]);
-                let squares = (0..r.len()).map(|i| {
-                    let error = (t[i] - t0[i]) - (r[i] - r0[i]);
-                    error * error
+    /// Sums `f` of the changes of test and reference along the motion.
+    fn along_motion(&self, pair: &Pair, previous_test: &[f64], f: impl Fn(f64, f64) -> f64 + Sync) -> ByClass<Sums> {
+        let warp = self
+            .warp
+            .as_ref()
+            .expect("the metrics need motion, and the run was planned with it");
+        let luma = pair.luma();
+        let [totals, n] = sum_rows(warp.extent(), pair.reference.classes(), |y, [values, trusted]| {
+            for x in 0..values.len() {
+                let i = y * values.len() + x;
+                (values[x], trusted[x]) = match source(&warp.motion_px, x, y) {
+                    Some(source) if !warp.change[i].is_nan() => (
+                        f(luma[i] - source.sample(previous_test, warp.extent()), warp.change[i]),
+                        1.0,
+                    ),
+                    _ => (0.0, 0.0),
+                };
+            }
+        });
+        sums(n, [totals])
+    }
+
+    fn fit(&self, pair: &Pair) -> ByClass<Sums> {
+        let (extent, classes) = (pair.reference.extent(), pair.reference.classes());
+        let [r, r0, t] = [pair.reference.luma(), self.luma(), pair.luma()];
+        let [gg, bb, gb] = *self.patterns.get_or_init(|| {
+            sum_rows(extent, classes, |y, [gg, bb, gb]| {
+                for_each_pattern(r0, r, extent, y, |x, _, ghost, blur| {
+                    (gg[x], bb[x], gb[x]) = (ghost * ghost, blur * blur, ghost * blur);
                 });
-                squares.sum::<f64>()
-            });
-            [errors.sum()]
-        });
-        Sums {
-            total: total[0],
-            n: 3 * extent.n_pixels(),
-            ..Sums::default()
-        }
-    }
-
-    /// Σ of the luma error, minus the previous frame's.
-    pub(super) fn mean_error(&self, reference: &Shown, test: &Shown, previous_test: &Shown) -> Sums {
-        let extent = reference.extent();
-        let [t, t0, r, r0] = [test, previous_test, reference, &self.previous].map(Shown::luma);
-        let [total] = sum_in_rows(extent, |pixels| [pixels.map(|i| (t[i] - r[i]) - (t0[i] - r0[i])).sum()]);
-        Sums {
-            total,
-            n: extent.n_pixels(),
-            ..Sums::default()
-        }
-    }
-
-    /// The factors of ghosting (as `total`) and blur (as `reference`) that explain the luma error best.
-    pub(super) fn fit(&self, reference: &Shown, test: &Shown) -> Option<Sums> {
-        let patterns = self.patterns.get_or_init(|| Patterns::new(&self.previous, reference));
-        let [ghost, blur] = patterns.as_ref()?.fit(reference, test);
-        Some(Sums {
-            total: ghost,
-            reference: blur,
-            n: 1,
-            ..Sums::default()
-        })
-    }
-}
-
-/// The luma errors that a ghost of the previous frame and a blur would make.
-struct Patterns {
-    ghost: Vec<f64>,
-    blur: Vec<f64>,
-    /// Inverse of the matrix of their products: its two diagonal elements and the one beside.
-    inverse: [f64; 3],
-}
-
-impl Patterns {
-    /// `None` where the reference does not change, or is flat: the factors are undefined then.
-    fn new(previous: &Shown, current: &Shown) -> Option<Self> {
-        let extent = current.extent();
-        let (y, y0) = (current.luma(), previous.luma());
-        let ghost: Vec<f64> = (0..y.len()).into_par_iter().map(|i| y0[i] - y[i]).collect();
-        let blur: Vec<f64> = (0..y.len())
-            .into_par_iter()
-            .map(|i| box3(y, extent, i) - y[i])
-            .collect();
-        let [gg, bb, gb] = sum_in_rows(extent, |pixels| {
-            pixels.fold([0.0; 3], |[gg, bb, gb], i| {
-                let (g, b) = (ghost[i], blur[i]);
-                [gg + g * g, bb + b * b, gb + g * b]
             })
         });
-        let determinant = gg * bb - gb * gb;
-        (determinant > SINGULAR * gg * bb).then(|| Self {
-            ghost,
-            blur,
-            inverse: [bb, gg, -gb].map(|element| element / determinant),
-        })
-    }
-
-    fn fit(&self, reference: &Shown, test: &Shown) -> [f64; 2] {
-        let (r, t) = (reference.luma(), test.luma());
-        let [g, b] = sum_in_rows(reference.extent(), |pixels| {
-            pixels.fold([0.0; 2], |[g, b], i| {
+        let [ge, be] = sum_rows(extent, classes, |y, [ge, be]| {
+            for_each_pattern(r0, r, extent, y, |x, i, ghost, blur| {
                 let error = t[i] - r[i];
-                [g + error * self.ghost[i], b + error * self.blur[i]]
-            })
+                (ge[x], be[x]) = (error * ghost, error * blur);
+            });
         });
-        let [first, second, beside] = self.inverse;
-        [first * g + beside * b, beside * g + second * b]
+        sums(pair.reference.n_pixels(), [gg, bb, gb, ge, be])
     }
 }
 
-/// Mean of 3×3 pixels; the image's edge goes on beyond it.
-fn box3(luma: &[f64], extent: Extent, i: usize) -> f64 {
-    let [width, height] = [extent.width as usize, extent.height as usize];
-    let around = |at: usize, size: usize| [at.saturating_sub(1), at, (at + 1).min(size - 1)];
-    let rows = around(i / width, height).into_iter();
-    let sum: f64 = rows
-        .flat_map(|y| around(i % width, width).map(|x| luma[y * width + x]))
-        .sum();
-    sum / 9.0
+/// `totals` as the terms of `n` samples.
+fn sums<const N: usize>(n: ByClass<f64>, totals: [ByClass<f64>; N]) -> ByClass<Sums> {
+    std::array::from_fn(|class| {
+        let mut sums = Sums {
+            n: n[class],
+            ..Sums::default()
+        };
+        for (term, total) in sums.terms.iter_mut().zip(&totals) {
+            *term = total[class];
+        }
+        sums
+    })
 }
 
-/// A frame gathered from the previous one, on the pixels where the reference reprojects.
-pub(super) struct Warp {
+/// Calls `f(x, index, ghost, blur)` for row `y`: the errors of luma that a ghost of the previous frame and a blur, the mean
+/// of 3×3 pixels, would make. The image's edge goes on beyond it.
+fn for_each_pattern(
+    previous: &[f64],
+    luma: &[f64],
     extent: Extent,
-    /// Where each pixel comes from; `None` where its motion cannot be trusted.
-    sources: Vec<Option<Source>>,
-    /// The reference's luma minus where it came from.
-    change: Vec<f64>,
-    n_trusted: usize,
+    y: usize,
+    mut f: impl FnMut(usize, usize, f64, f64),
+) {
+    let (width, last) = (extent.width as usize, extent.height as usize - 1);
+    let row = |y: usize| &luma[y * width..][..width];
+    let [above, here, below] = [row(y.saturating_sub(1)), row(y), row((y + 1).min(last))];
+    let column = |x: usize| above[x] + here[x] + below[x];
+    let (mut left, mut middle) = (column(0), column(0));
+    for x in 0..width {
+        let right = column((x + 1).min(width - 1));
+        let i = y * width + x;
+        f(x, i, previous[i] - here[x], (left + middle + right) / 9.0 - here[x]);
+        (left, middle) = (middle, right);
+    }
 }
 
-/// A bilinear sample: index of its upper left pixel and the way to the next, right and down.
+/// A frame gathered from the previous one.
+struct Warp {
+    motion_px: Arc<Image<[f32; 2]>>,
+    /// The reference's luma minus where it came from; NaN where that is outside the image, or is something else.
+    change: Plane,
+}
+
+/// A bilinear sample: its upper left pixel and the way to the next, right and down.
 #[derive(Clone, Copy)]
 struct Source {
-    index: usize,
+    x: usize,
+    y: usize,
     right: f64,
     down: f64,
 }
@@ -168,69 +206,63 @@ impl Source {
             return None;
         }
         Some(Self {
-            index: y as usize * extent.width as usize + x as usize,
+            x: x as usize,
+            y: y as usize,
             right: x.fract(),
             down: y.fract(),
         })
     }
 
-    fn sample(self, luma: &[f64], width: usize) -> f64 {
-        // On the last row or column the next one weighs nothing, and may not exist.
-        let tap = |offset: usize| luma.get(self.index + offset).copied().unwrap_or_default();
-        let above = tap(0) + self.right * (tap(1) - tap(0));
-        let below = tap(width) + self.right * (tap(width + 1) - tap(width));
+    fn sample(self, luma: &[f64], extent: Extent) -> f64 {
+        // On the last row or column the next one weighs nothing.
+        let (width, height) = (extent.width as usize, extent.height as usize);
+        let [x, x1] = [self.x, (self.x + 1).min(width - 1)];
+        let [row, row1] = [self.y, (self.y + 1).min(height - 1)].map(|y| &luma[y * width..][..width]);
+        let above = row[x] + self.right * (row[x1] - row[x]);
+        let below = row1[x] + self.right * (row1[x1] - row1[x]);
         above + self.down * (below - above)
     }
 }
 
+/// Where a pixel comes from.
+fn source(motion_px: &Image<[f32; 2]>, x: usize, y: usize) -> Option<Source> {
+    let [dx, dy] = motion_px.at(x as u32, y as u32);
+    Source::at(x as f64 + f64::from(dx), y as f64 + f64::from(dy), motion_px.extent())
+}
+
 impl Warp {
-    fn new(previous: &Shown, current: &Shown, motion_px: &Image<[f32; 2]>) -> Self {
-        let extent = current.extent();
+    fn new(previous: &Reference, current: &Reference, motion_px: &Arc<Image<[f32; 2]>>) -> Self {
+        let (luma, luma0, extent) = (current.luma(), previous.luma(), current.extent());
         let width = extent.width as usize;
-        let (luma, luma0) = (current.luma(), previous.luma());
-        let gathered: Vec<(Option<Source>, f64)> = motion_px
-            .pixels()
-            .par_iter()
-            .enumerate()
-            .map(|(i, motion)| {
-                let [x, y] = [(i % width) as f64, (i / width) as f64];
-                let source = Source::at(x + f64::from(motion[0]), y + f64::from(motion[1]), extent);
-                let change = source.map_or(f64::NAN, |source| luma[i] - source.sample(luma0, width));
-                (source.filter(|_| change.abs() <= REPROJECTS_WITHIN), change)
-            })
-            .collect();
-        let (sources, change): (Vec<_>, Vec<_>) = gathered.into_iter().unzip();
+        let mut change = current.new_plane();
+        let rows = change.par_chunks_mut(width).enumerate();
+        rows.for_each(|(y, row)| {
+            for (x, change) in row.iter_mut().enumerate() {
+                let source = source(motion_px, x, y);
+                let difference = source.map(|source| luma[y * width + x] - source.sample(luma0, extent));
+                *change = difference
+                    .filter(|change| change.abs() <= REPROJECTS_WITHIN)
+                    .unwrap_or(f64::NAN);
+            }
+        });
         Self {
-            extent,
-            n_trusted: sources.iter().flatten().count(),
-            sources,
+            motion_px: Arc::clone(motion_px),
             change,
         }
     }
 
-    /// Σ of the squared differences between the changes of test and reference.
-    pub(super) fn squared_error(&self, test: &Shown, previous_test: &Shown) -> Option<Sums> {
-        self.sum(test, previous_test, |t, r| (t - r) * (t - r))
+    fn extent(&self) -> Extent {
+        self.motion_px.extent()
     }
 
-    /// Σ of |change of the test| − |change of the reference|.
-    pub(super) fn excess(&self, test: &Shown, previous_test: &Shown) -> Option<Sums> {
-        self.sum(test, previous_test, |t, r| t.abs() - r.abs())
-    }
-
-    fn sum(&self, test: &Shown, previous_test: &Shown, f: impl Fn(f64, f64) -> f64 + Sync) -> Option<Sums> {
-        let (luma, luma0) = (test.luma(), previous_test.luma());
-        let [total] = sum_in_rows(self.extent, |pixels| {
-            let changes = pixels.filter_map(|i| {
-                let change = luma[i] - self.sources[i]?.sample(luma0, self.extent.width as usize);
-                Some(f(change, self.change[i]))
-            });
-            [changes.sum()]
+    fn classes(&self) -> Classes {
+        let pixels = self.motion_px.pixels().par_iter().zip(&self.change[..]);
+        let classes = pixels.map(|([x, y], change)| {
+            // A vector that is not finite moves.
+            let stands = x * x + y * y < MOVES_FROM_PX * MOVES_FROM_PX;
+            let moving: Class = if stands { 0 } else { MOVING };
+            moving + if change.is_nan() { DISOCCLUDED } else { 0 }
         });
-        (self.n_trusted > 0).then(|| Sums {
-            total,
-            n: self.n_trusted,
-            ..Sums::default()
-        })
+        Classes::new(self.extent(), classes.collect())
     }
 }

@@ -1,13 +1,16 @@
 //! What one preset has to remember from frame to frame.
 
-use crate::{
-    image::Image,
-    metrics::{
-        Domain, FrameScores, Metric, MetricError, Quantity, Reference, Shown, Value, check_sizes, measure,
-        squared_error::{self, psnr_db},
+use super::{
+    super::{
+        FrameScores, Metric, MetricError, Value,
+        mask::{ByMask, counts, place},
+        picture::Picture,
+        quantity::{Quantity, quantities},
+        reference::Reference,
     },
-    sequence::frame::Rgb,
+    Past,
 };
+use rayon::prelude::*;
 
 /// How long after a reset an image counts as converged.
 const CONVERGED_AFTER: usize = 32;
@@ -17,11 +20,12 @@ const CONVERGED_WITHIN_DB: f64 = 0.5;
 /// Scores one preset's frames in order.
 pub struct Track {
     metrics: Vec<Metric>,
-    previous: Option<Shown>,
+    past: Past,
     n_frames: usize,
-    deviation: Deviation,
+    /// Of the pixels of each place of [`ByMask`] that a metric asks for.
+    deviations: Vec<(usize, Deviation)>,
     /// PSNR of every frame, and whether it was a reset.
-    psnr_db: Vec<(f64, bool)>,
+    psnr_db: Vec<(ByMask<f64>, bool)>,
 }
 
 /// A value of a whole sequence, or of a stretch of it, and the frame that it is stored with.
@@ -38,77 +42,83 @@ pub struct LateValue {
 impl Track {
     /// Of a preset that has not seen a frame.
     pub fn new(metrics: &[Metric]) -> Self {
+        let places = of(metrics, Quantity::ErrorDeviation).map(|metric| place(metric.mask()));
         Self {
             metrics: metrics.to_vec(),
-            previous: None,
+            past: Past::default(),
             n_frames: 0,
-            deviation: Deviation::default(),
+            deviations: places.map(|place| (place, Deviation::default())).collect(),
             psnr_db: Vec::new(),
         }
     }
 
-    /// Scores the next frame, linear RGB. A reference that follows no other is a reset. Frames that are not `settled`
-    /// (warming up) are left out of what is gathered over the sequence.
-    pub fn score(
-        &mut self,
-        reference: &Reference,
-        test: &Image<Rgb>,
-        settled: bool,
-    ) -> Result<FrameScores, MetricError> {
-        check_sizes(&self.metrics, reference.shown.extent(), test.extent())?;
-        let test = Shown::from_linear(test, reference.display, &self.metrics);
-        let step = reference.step.as_ref().zip(self.previous.as_ref());
-        let scores = measure(&self.metrics, &reference.shown, &test, step);
-        if settled && self.wants(Quantity::ErrorDeviation) {
-            self.deviation.add(reference.shown.luma(), test.luma());
-            self.deviation.last = self.n_frames;
+    /// Scores the next frame. A reference that follows no other is a reset. Frames that are not `settled` (warming up) are
+    /// left out of what is gathered over the sequence.
+    pub fn score(&mut self, reference: &Reference, test: &Picture, settled: bool) -> Result<FrameScores, MetricError> {
+        let scores = reference.score(test, &mut self.past)?;
+        if settled && !self.deviations.is_empty() {
+            self.gather(reference);
         }
-        if self.wants(Quantity::Convergence) {
-            let errors = squared_error::measure(Domain::Display, &reference.shown, &test);
-            self.psnr_db
-                .push((psnr_db(errors.mean(), 1.0), reference.step.is_none()));
+        if let (true, Some(psnr_db)) = (
+            quantities(&self.metrics).contains(&Quantity::Convergence),
+            self.past.psnr_db(),
+        ) {
+            self.psnr_db.push((psnr_db, reference.step().is_none()));
         }
         self.n_frames += 1;
-        self.previous = self.metrics.iter().any(|metric| metric.is_temporal()).then_some(test);
         Ok(scores)
+    }
+
+    fn gather(&mut self, reference: &Reference) {
+        let luma = self.past.luma().expect("luma is kept for the deviation of its errors");
+        for (place, deviation) in &mut self.deviations {
+            let classes = reference.classes();
+            if *place > 0 && classes.is_none() {
+                continue; // A reset: nobody knows what moves.
+            }
+            let is_counted = |i: usize| classes.is_none_or(|classes| counts(*place, classes.all()[i].into()));
+            deviation.add(reference.luma(), luma, is_counted);
+            deviation.last = self.n_frames;
+        }
     }
 
     /// What only the whole sequence tells.
     pub fn finish(self) -> Vec<LateValue> {
-        let mut values = self.converged();
-        if self.deviation.n > 0 {
-            values.push(LateValue {
-                frame: self.deviation.last,
-                id: Metric::FlickerLocal.id(),
-                value: Value(self.deviation.mean()),
-            });
-        }
+        let mut values: Vec<_> = of(&self.metrics, Quantity::Convergence)
+            .flat_map(|metric| self.converged(metric))
+            .collect();
+        let deviations = of(&self.metrics, Quantity::ErrorDeviation).zip(&self.deviations);
+        values.extend(deviations.filter_map(|(metric, (_, deviation))| {
+            Some(LateValue {
+                frame: deviation.last,
+                id: metric.id(),
+                value: Value(deviation.mean()?),
+            })
+        }));
         values
     }
 
-    fn wants(&self, quantity: Quantity) -> bool {
-        let mut wanted = self.metrics.iter().map(|metric| metric.definition().quantity);
-        wanted.any(|wanted| wanted == quantity)
-    }
-
     /// One value a reset that is followed by enough frames, stored with the reset.
-    fn converged(&self) -> Vec<LateValue> {
+    fn converged(&self, metric: Metric) -> Vec<LateValue> {
+        let place = place(metric.mask());
         let resets = self.psnr_db.iter().enumerate().filter(|(_, (_, reset))| *reset);
-        let value = |(frame, _): (usize, &(f64, bool))| {
+        let value = |(frame, _): (usize, &(ByMask<f64>, bool))| {
             let stretch = self.psnr_db.get(frame..=frame + CONVERGED_AFTER)?;
             if stretch[1..].iter().any(|(_, reset)| *reset) {
                 return None;
             }
             let (last, _) = stretch[CONVERGED_AFTER];
+            let last = last[place];
             // Two infinities are near each other as well.
-            let near = |&(db, _): &(f64, bool)| db == last || (db - last).abs() <= CONVERGED_WITHIN_DB;
+            let near =
+                |(db, _): &(ByMask<f64>, bool)| db[place] == last || (db[place] - last).abs() <= CONVERGED_WITHIN_DB;
             let n_frames = stretch
                 .iter()
                 .rposition(|frame| !near(frame))
                 .map_or(0, |away| away + 1);
             Some(LateValue {
                 frame,
-                id: Metric::ConvergeFrames.id(),
+                id: metric.id(),
                 value: Value(n_frames as f64),
             })
         };
@@ -116,31 +126,50 @@ impl Track {
     }
 }
 
-/// The luma error of each pixel over time: mean and sum of squared deviations, after Welford, "Note on a Method for
-/// Calculating Corrected Sums of Squares and Products", 1962.
+/// The metrics that are made of `quantity`.
+fn of(metrics: &[Metric], quantity: Quantity) -> impl Iterator<Item = Metric> {
+    metrics
+        .iter()
+        .copied()
+        .filter(move |metric| metric.definition().quantity == quantity)
+}
+
+/// The luma error of each pixel over time: how often it counted, mean and sum of squared deviations, after Welford, "Note on
+/// a Method for Calculating Corrected Sums of Squares and Products", 1962.
 #[derive(Default)]
 struct Deviation {
-    n: usize,
     /// The last frame added.
     last: usize,
-    moments: Vec<[f64; 2]>,
+    moments: Vec<Moments>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Moments {
+    n: u32,
+    mean: f64,
+    squares: f64,
 }
 
 impl Deviation {
-    fn add(&mut self, reference: &[f64], test: &[f64]) {
-        self.moments.resize(reference.len(), [0.0; 2]);
-        self.n += 1;
-        for ((moments, r), t) in self.moments.iter_mut().zip(reference).zip(test) {
-            let [mean, squares] = moments;
-            let away = (t - r) - *mean;
-            *mean += away / self.n as f64;
-            *squares += away * ((t - r) - *mean);
-        }
+    fn add(&mut self, reference: &[f64], test: &[f64], is_counted: impl Fn(usize) -> bool + Sync) {
+        self.moments.resize(reference.len(), Moments::default());
+        let pixels = self.moments.par_iter_mut().with_min_len(4096).enumerate();
+        pixels.for_each(|(i, moments)| {
+            if is_counted(i) {
+                let error = test[i] - reference[i];
+                let away = error - moments.mean;
+                moments.n += 1;
+                moments.mean += away / f64::from(moments.n);
+                moments.squares += away * (error - moments.mean);
+            }
+        });
     }
 
-    /// Mean over pixels of the population's standard deviation.
-    fn mean(&self) -> f64 {
-        let deviations = self.moments.iter().map(|[_, squares]| (squares / self.n as f64).sqrt());
-        deviations.sum::<f64>() / self.moments.len() as f64
+    /// Mean of the population's standard deviation over the pixels that counted more than once. `None` where none did.
+    fn mean(&self) -> Option<f64> {
+        let counted = self.moments.iter().filter(|moments| moments.n > 1);
+        let deviations = counted.map(|moments| (moments.squares / f64::from(moments.n)).sqrt());
+        let (sum, n) = deviations.fold((0.0, 0_usize), |(sum, n), deviation| (sum + deviation, n + 1));
+        (n > 0).then(|| sum / n as f64)
     }
 }

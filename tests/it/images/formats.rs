@@ -160,15 +160,15 @@ fn written_rgb_reads_back() {
     }
     let png = folder.path().join("out.png");
     let bytes = pattern().map(|pixel| pixel.map(|value| (value * 255.0).round() as u8));
-    write_png(&png, &bytes).expect("written");
-    assert_eq!(std::fs::read(&png).expect("read"), encode_png(&bytes));
+    write_png(&png, &bytes, &[]).expect("written");
+    assert_eq!(std::fs::read(&png).expect("read"), encode_png(&bytes, &[]));
     assert_eq!(
         native().read_rgb(&png).expect("read").image,
         bytes.map(|pixel| pixel.map(|v| f32::from(v) / 255.0))
     );
     let nowhere = Path::new("/nowhere/out.png");
     assert!(
-        write_png(nowhere, &bytes)
+        write_png(nowhere, &bytes, &[])
             .expect_err("no such folder")
             .to_string()
             .contains("/nowhere/out.png")

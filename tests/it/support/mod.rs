@@ -6,7 +6,7 @@ use afterimage::{
     gpu::{Gpu, ReadbackPool, Texture, Timer},
     image::{Extent, Image},
     metrics::{
-        Better, Display, FrameScores, Metric,
+        Better, Display, FrameScores, Metric, MetricError, Picture, Reference,
         gpu::{GpuMetrics, computes},
     },
     sequence::{Channels, Frame, frame::Rgb},
@@ -166,6 +166,17 @@ pub fn perfect(metric: Metric) -> f64 {
 pub fn metrics_for(extent: Extent) -> Vec<Metric> {
     let suits = |metric: &Metric| !metric.is_temporal() && metric.check_size(extent).is_ok();
     Metric::ALL.into_iter().filter(suits).collect()
+}
+
+/// Metrics as the CPU computes them, of linear images.
+pub fn cpu_scores(
+    reference: &Image<Rgb>,
+    test: &Image<Rgb>,
+    display: Display,
+    metrics: &[Metric],
+) -> Result<FrameScores, MetricError> {
+    let [reference, test] = [reference, test].map(|image| Picture::linear(image.clone(), display));
+    Reference::new(reference, metrics).evaluate(&test)
 }
 
 /// Every metric that the GPU computes.
