@@ -48,22 +48,32 @@ fn main() -> anyhow::Result<()> {
         return peers(Path::new(folder));
     }
     let frames = Frames::new();
+    memory(&frames)?;
     println!("CPU ms a frame, {EXTENT}  all differ   3 % differ   none differ   reference");
-    let asked = arguments.iter().map(|id| id.parse()).collect::<Result<Vec<Metric>, _>>()?;
+    let asked = arguments
+        .iter()
+        .map(|id| id.parse())
+        .collect::<Result<Vec<Metric>, _>>()?;
     let rows: Vec<Vec<Metric>> = match asked.is_empty() {
         true => [Vec::new()]
             .into_iter()
             .chain(Metric::ALL.map(|metric| vec![metric]))
-            .chain([["psnr.static", "psnr.moving", "psnr.disoccluded"].map(|id| id.parse().expect("a metric")).into()])
+            .chain([["psnr.static", "psnr.moving", "psnr.disoccluded"]
+                .map(|id| id.parse().expect("a metric"))
+                .into()])
             .chain([TOGETHER.into()])
             .collect(),
         false => vec![asked],
     };
     for metrics in rows {
-        let [all, some, none] = [&frames.noisy, &frames.patched, &frames.reference].map(|test| frames.cost(&metrics, test));
+        let [all, some, none] =
+            [&frames.noisy, &frames.patched, &frames.reference].map(|test| frames.cost(&metrics, test));
         let ids: Vec<_> = metrics.iter().map(|metric| metric.id()).collect();
         let reference = frames.cost_with_reference(&metrics) - all;
-        println!("{all:>38.1}{some:>13.1}{none:>14.1}{reference:>12.1}   {}", ids.join(" "));
+        println!(
+            "{all:>38.1}{some:>13.1}{none:>14.1}{reference:>12.1}   {}",
+            ids.join(" ")
+        );
     }
     let shared = least_cpu_ms(|| frames.judge(&TOGETHER, N_PRESETS, 1));
     let separate = least_cpu_ms(|| frames.judge(&TOGETHER, 1, N_PRESETS));
@@ -71,7 +81,7 @@ fn main() -> anyhow::Result<()> {
         "{N_PRESETS} presets, all of the last row: {shared:.0} ms in one run, {separate:.0} ms in {N_PRESETS} runs: {:.2}",
         shared / separate
     );
-    memory(&frames)
+    Ok(())
 }
 
 /// Two references in a row, and what is compared with the second.
@@ -90,8 +100,8 @@ impl Frames {
         for y in 400..600 {
             patched.pixels_mut()[y * 1920 + 800..][..300].fill([0.5; 3]);
         }
-        let [before, noisy, reference, patched] = [scene(0.0, 0.0), scene(1.0, 0.05), reference, patched]
-            .map(|image| Picture::linear(image, DISPLAY));
+        let [before, noisy, reference, patched] =
+            [scene(0.0, 0.0), scene(1.0, 0.05), reference, patched].map(|image| Picture::linear(image, DISPLAY));
         Self {
             before,
             reference,
@@ -170,14 +180,16 @@ fn memory(frames: &Frames) -> anyhow::Result<()> {
         }
         let peak = resident_bytes("VmHWM")? - before;
         let n_frames = peak / (EXTENT.n_pixels() * size_of::<Rgb>()) as f64;
-        println!("memory for {n_presets} preset(s), all of the last row: {n_frames:.1} frames of f32 RGB");
+        println!("memory for {n_presets} preset(s), all of the last row below: {n_frames:.1} frames of f32 RGB");
     }
     Ok(())
 }
 
 fn resident_bytes(field: &str) -> anyhow::Result<f64> {
     let status = fs::read_to_string("/proc/self/status")?;
-    let line = status.lines().find_map(|line| line.strip_prefix(field)?.strip_prefix(':'));
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix(field)?.strip_prefix(':'));
     let kibibytes: f64 = line.unwrap_or_default().trim().trim_end_matches(" kB").parse()?;
     Ok(kibibytes * 1024.0)
 }
@@ -190,7 +202,8 @@ fn peers(folder: &Path) -> anyhow::Result<()> {
     });
     write_png(&folder.join("reference.png"), &codes[0], &[])?;
     write_png(&folder.join("test.png"), &codes[1], &[])?;
-    let [reference, test] = codes.map(|codes| Picture::codes(codes.map(|pixel| pixel.map(|c| f32::from(c) / 255.0)), 255));
+    let [reference, test] =
+        codes.map(|codes| Picture::codes(codes.map(|pixel| pixel.map(|c| f32::from(c) / 255.0)), 255));
     for metric in [Metric::PSNR, Metric::SSIM, Metric::FLIP] {
         let mut value = None;
         let tries = (0..N_TRIES).map(|_| {

@@ -161,6 +161,32 @@ fn compare_says_no_to_bad_pixels() {
 }
 
 #[test]
+fn compare_draws_maps_that_say_what_they_show() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = folder.path().to_str().unwrap();
+    let (reference, test) = ("fixtures/golden/base_ref.png", "fixtures/golden/blur3_test.png");
+    succeed(&["compare", reference, test, "--metrics", "flip,ssim", "--maps", maps]);
+    for (metric, white) in [("flip", "1"), ("ssim", "0")] {
+        let png = png::Decoder::new(std::io::BufReader::new(
+            std::fs::File::open(folder.path().join(format!("{metric}.png"))).unwrap(),
+        ));
+        let info = png.read_info().unwrap().info().clone();
+        let texts: Vec<_> = info
+            .uncompressed_latin1_text
+            .iter()
+            .map(|text| (&*text.keyword, &*text.text))
+            .collect();
+        assert!(
+            texts.contains(&("Metric", metric)) && texts.contains(&("White", white)),
+            "{texts:?}"
+        );
+        assert!(folder.path().join(format!("{metric}.exr")).is_file());
+    }
+    let complaint = refuse(&["compare", reference, test, "--metrics", "flicker", "--maps", maps]);
+    assert!(complaint.contains("`flicker`"), "{complaint}");
+}
+
+#[test]
 fn compare_says_no_beyond_its_limits() {
     let golden = |name: &str| format!("{}/fixtures/golden/{name}", env!("CARGO_MANIFEST_DIR"));
     let [reference, test] = ["base_ref.png", "noise_test.png"].map(golden);

@@ -7,6 +7,7 @@ mod cli;
 mod golden;
 mod gpu_vs_reference;
 mod images;
+mod masks;
 mod negative_controls;
 mod properties;
 mod run;
