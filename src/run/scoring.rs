@@ -120,7 +120,7 @@ impl<'a> Scorer<'a> {
             let linear = frame.reference.as_ref().filter(|_| !self.metrics.is_empty())?;
             let reference = Reference::new(linear, self.sequence.display(), &self.metrics);
             Some(match self.reference.take().filter(|_| self.age > 0) {
-                Some(previous) => reference.follow(&previous, frame.motion_px.as_ref()),
+                Some(previous) => reference.follow(&previous, frame.output_motion_px().as_deref()),
                 None => reference,
             })
         });

@@ -161,6 +161,7 @@ impl FrameFiles<'_> {
             reset: self.entry.reset || index == 0,
             jitter_px: self.sequence.jitter_px[index],
             far: far_distance(self.entry, manifest.depth.as_ref()),
+            output_size: manifest.output_size,
             color: self
                 .color(Section::Color, Some(&manifest.color))
                 .expect("colour is always read"),

@@ -8,7 +8,7 @@ pub mod frame;
 mod loader;
 pub mod manifest;
 
-pub use frame::{Channels, Frame};
+pub use frame::{Channels, Frame, Sizes};
 pub use manifest::{Manifest, ManifestError, Section};
 
 use crate::{
@@ -195,6 +195,14 @@ impl Sequence {
     /// Size of the reference and of the resolved image.
     pub fn output_size(&self) -> Extent {
         self.manifest.output_size
+    }
+
+    /// Both sizes.
+    pub fn sizes(&self) -> Sizes {
+        Sizes {
+            render: self.render_size(),
+            output: self.output_size(),
+        }
     }
 
     /// How linear colour is shown.

@@ -17,7 +17,7 @@ mod temporal;
 
 pub use inputs::Inputs;
 pub use preset::{PRESETS, Preset, UnknownPreset};
-pub use recipe::{Recipe, RecipeError};
+pub use recipe::{Recipe, RecipeError, SizesError};
 pub use recorder::Repeat;
 pub use resolver::Resolver;
 

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuError, Texture, Timer},
-    image::Extent,
+    sequence::Sizes,
 };
 use wgpu::TextureFormat;
 
@@ -29,17 +29,19 @@ enum Passes {
 }
 
 impl Resolver {
-    /// Compiles the passes of `recipe` and makes room for frames of `extent`.
-    pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, extent: Extent) -> Result<Self, GpuError> {
-        recipe.check_gpu().map_err(|error| GpuError::Pass {
+    /// Compiles the passes of `recipe` and makes room for frames of `sizes`.
+    pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, sizes: Sizes) -> Result<Self, GpuError> {
+        let refused = |message: String| GpuError::Pass {
             pass: "resolve".to_owned(),
-            message: error.to_string(),
-        })?;
+            message,
+        };
+        recipe.check_gpu().map_err(|error| refused(error.to_string()))?;
+        recipe.check_sizes(sizes).map_err(|error| refused(error.to_string()))?;
         let builder = Builder {
             gpu,
             precision: recipe.precision(precision),
             recipe: &recipe,
-            extent,
+            sizes,
         };
         let passes = match recipe.algorithm {
             Algorithm::Temporal => Passes::Temporal(Box::new(Temporal::new(builder)?)),
@@ -47,7 +49,7 @@ impl Resolver {
         };
         gpu.scope("making room for the shown image", || Self {
             passes,
-            shown: Texture::new(gpu, "shown", extent, TextureFormat::Rgba32Float),
+            shown: Texture::new(gpu, "shown", sizes.output, TextureFormat::Rgba32Float),
             recipe,
         })
     }

@@ -16,4 +16,5 @@ mod store;
 mod support;
 mod temporal;
 mod tidy;
+mod upsampling;
 mod web;

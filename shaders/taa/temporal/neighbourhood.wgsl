@@ -6,6 +6,7 @@ const NEIGHBOURHOOD_BOX3: u32 = 2u;
 const NEIGHBOURHOOD_ROUNDED: u32 = 3u;
 const NEIGHBOURHOOD_VARIANCE: u32 = 4u;
 const NEIGHBOURHOOD_SOBEL: u32 = 5u;
+const NEIGHBOURHOOD_SHRUNK: u32 = 6u;
 
 // Of variance_window² texels, where `prefilter_moments` is on. From 22 on are bindings of this file's own.
 @group(0) @binding(22) var window_means: texture_2d<f32>;
@@ -107,8 +108,9 @@ fn variance_box(p: vec2i) -> ColorBox {
     return ColorBox(select(lo, minmax.lo, empty), select(hi, minmax.hi, empty), d.mean);
 }
 
-// The box around `p`, whose current colour is `current`, in RGB, and whose history is `at`.
-fn color_box(p: vec2i, current: vec3f, at: Reprojection) -> ColorBox {
+// The box around the output pixel `output_pixel`, whose current colour is `current`, in RGB, and whose history is `at`.
+fn color_box(output_pixel: vec2i, current: vec3f, at: Reprojection) -> ColorBox {
+    let p = input_texel(output_pixel);
     var bounds: ColorBox;
     switch (neighbourhood) {
         case NEIGHBOURHOOD_CROSS: { bounds = cross_box(p); }
@@ -116,6 +118,7 @@ fn color_box(p: vec2i, current: vec3f, at: Reprojection) -> ColorBox {
         case NEIGHBOURHOOD_ROUNDED: { bounds = rounded_box(p); }
         case NEIGHBOURHOOD_VARIANCE: { bounds = variance_box(p); }
         case NEIGHBOURHOOD_SOBEL: { bounds = sobel_box(p, current, at); }
+        case NEIGHBOURHOOD_SHRUNK: { bounds = shrunk_box(output_pixel); }
         default: {}
     }
     if (chroma_from_luma) {

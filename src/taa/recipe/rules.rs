@@ -1,6 +1,6 @@
 //! What a recipe's parameters must be: whether a rule holds, the parameter that breaks it, and what would be right.
 
-use super::{Algorithm, Domain, HistoryFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight};
+use super::{Algorithm, Domain, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight};
 
 type Rule = (bool, &'static str, &'static str);
 
@@ -56,6 +56,18 @@ pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
                 || recipe.neighbourhood == Neighbourhood::Variance && !recipe.unjitter_neighbourhood,
             "prefilter_moments",
             "needs the neighbourhood `variance`, without `unjitter_neighbourhood`",
+        ),
+        (
+            !recipe.unjitter_neighbourhood || recipe.neighbourhood != Neighbourhood::Shrunk,
+            "unjitter_neighbourhood",
+            "needs a neighbourhood other than `shrunk`, which knows where the samples lie",
+        ),
+        (
+            recipe.input_filter != InputFilter::Upsample
+                || is_temporal && recipe.neighbourhood != Neighbourhood::Sobel && recipe.weight != Weight::Amortized,
+            "input_filter",
+            "`upsample` needs the algorithm `temporal`, a neighbourhood other than `sobel` and a weight other than \
+             `amortized`",
         ),
         (
             !recipe.chroma_from_luma || recipe.space == Space::Ycocg,
@@ -114,6 +126,13 @@ mod tests {
         assert_eq!(refused("ema", "chroma_from_luma", true.into()), "chroma_from_luma");
         assert_eq!(refused("inside", "prefilter_moments", true.into()), "prefilter_moments");
         assert_eq!(refused("inside", "reproject", false.into()), "reproject");
+        assert_eq!(
+            refused("taau", "unjitter_neighbourhood", true.into()),
+            "unjitter_neighbourhood"
+        );
+        assert_eq!(refused("taau", "neighbourhood", "sobel".into()), "input_filter");
+        assert_eq!(refused("amortized", "input_filter", "upsample".into()), "input_filter");
+        assert_eq!(refused("phlm2016", "input_filter", "upsample".into()), "input_filter");
         assert_eq!(refused("phlm2016", "motion_blur", true.into()), "algorithm");
         assert_eq!(refused("phlm2016", "history_filter", "none".into()), "algorithm");
         assert_eq!(refused("ema", "rectify", "hull".into()), "rectify");

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{image::Image, sequence::frame::SKY_DEPTH, taa::recipe::Dilation};
 
-/// A usable motion vector.
+/// A usable motion vector, in output pixels unless said otherwise.
 #[derive(Clone, Copy, Default)]
 pub struct Motion<R> {
     /// The texel whose vector it is.
@@ -38,7 +38,7 @@ impl<R: Real> Pixels<'_, R> {
         }
         let motion = self.motion(p)?;
         let q = [0, 1].map(|axis| centre[axis] + motion.px[axis]);
-        let extent = self.color.extent();
+        let extent = self.sizes.output;
         let inside = |s: R, size: u32| s >= R::new(0.0) && s <= R::new(f64::from(size));
         (inside(q[0], extent.width)
             && inside(q[1], extent.height)
@@ -51,22 +51,25 @@ impl<R: Real> Pixels<'_, R> {
     fn depth_fits(&self, previous: &Previous<R>, texel: [i64; 2], q: Position<R>) -> bool {
         let expected = self.depth(texel[0], texel[1]);
         let depth = previous.depth.as_ref().expect("validated: the recipe needs depth");
-        let [x, y] = q.map(|s| (s - R::new(0.5)).floor().to_f64() as i64);
+        let [x, y] = self
+            .input_position(q)
+            .map(|s| (s - R::new(0.5)).floor().to_f64() as i64);
         let errors =
             [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (expected - depth_or_sky(depth.clamped(x + i, y + j))).abs());
         errors.into_iter().fold(f64::INFINITY, f64::min) <= self.recipe.reject_depth_tolerance * expected
     }
 
-    /// Whether the texel that contains `q` was of the same object.
-    fn id_fits(&self, previous: &Previous<R>, [x, y]: [i64; 2], q: Position<R>) -> bool {
+    /// Whether the texel that contains `q` was of the same object as the one under `p`.
+    fn id_fits(&self, previous: &Previous<R>, p: [i64; 2], q: Position<R>) -> bool {
         let ids = |frame: &Option<Image<u32>>, [x, y]: [i64; 2]| {
             frame.as_ref().expect("validated: the recipe needs ids").clamped(x, y)
         };
-        ids(&self.frame.object_id, [x, y]) == ids(&previous.object_id, containing(q))
+        ids(&self.frame.object_id, self.input_texel(p)) == ids(&previous.object_id, containing(self.input_position(q)))
     }
 
-    /// The dilated motion of `p`; none where the vector chosen is unusable.
-    pub fn motion(&self, [x, y]: [i64; 2]) -> Option<Motion<R>> {
+    /// The dilated motion of the output pixel `p`; none where the vector chosen is unusable.
+    pub fn motion(&self, p: [i64; 2]) -> Option<Motion<R>> {
+        let [x, y] = self.input_texel(p);
         let chosen = match self.recipe.dilation {
             Dilation::None => [0, 0],
             Dilation::Closest => first_largest(|[i, j]| -self.depth(x + i, y + j)),
@@ -75,7 +78,13 @@ impl<R: Real> Pixels<'_, R> {
                     .map_or(0.0, |motion| motion.length_px.to_f64())
             }),
         };
-        self.motion_at(x + chosen[0], y + chosen[1])
+        let motion = self.motion_at(x + chosen[0], y + chosen[1])?;
+        let px = [0, 1].map(|axis| motion.px[axis] * self.scale[axis]);
+        Some(Motion {
+            px,
+            length_px: (px[0] * px[0] + px[1] * px[1]).sqrt(),
+            ..motion
+        })
     }
 
     /// Linear view depth; what is not finite and positive is sky.
@@ -84,7 +93,7 @@ impl<R: Real> Pixels<'_, R> {
         depth_or_sky(depth.clamped(x, y))
     }
 
-    /// The texel's own motion; none where it is not finite or longer than four images.
+    /// The texel's own motion in input pixels; none where it is not finite or longer than four images.
     pub fn motion_at(&self, x: i64, y: i64) -> Option<Motion<R>> {
         let motion = self
             .frame
