@@ -21,7 +21,7 @@ fn sequence(path: &str) -> Sequence {
     Sequence::open(&path, &FileReader::new(Backend::Auto, Limits::default())).unwrap()
 }
 
-fn spec(presets: &[&str]) -> RunSpec {
+pub fn spec(presets: &[&str]) -> RunSpec {
     RunSpec {
         presets: presets
             .iter()
@@ -72,7 +72,7 @@ impl Observer for Count {
     }
 }
 
-fn execute(spec: &RunSpec, sequence: &Sequence) -> Report {
+pub fn execute(spec: &RunSpec, sequence: &Sequence) -> Report {
     run::execute(spec, sequence, gpu(), &Count::new(usize::MAX)).unwrap()
 }
 

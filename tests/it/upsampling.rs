@@ -2,6 +2,8 @@
 
 use crate::{
     gpu_vs_reference::{SIZES, scene, still},
+    run::{execute, spec},
+    sequence::{copy_of, edit, fixture, reader},
     support::{
         agreement::{BEYOND, difference, difference_from},
         resolve_on_gpu,
@@ -9,9 +11,12 @@ use crate::{
 };
 use afterimage::{
     image::Extent,
-    sequence::Frame,
+    metrics::Metric,
+    run,
+    sequence::{Frame, Sequence},
     taa::{Precision, Preset, Recipe, reference::Twin},
 };
+use serde_json::{Value, json};
 
 const SCALES: [f64; 5] = [1.0, 1.5, 2.0, 3.7, 4.0];
 
@@ -113,4 +118,61 @@ fn a_flat_colour_stays_what_it_is_at_every_scale() {
             );
         }
     }
+}
+
+fn open(path: &std::path::Path) -> Sequence {
+    Sequence::open(path, &reader()).unwrap()
+}
+
+/// Everything after the resolver has the output's size, metrics along the motion included; and history is worth more than
+/// a spatial filter.
+#[test]
+fn a_sequence_is_upscaled_and_scored_at_its_output_size() {
+    let sequence = open(&fixture("upscale"));
+    let mut wanted = spec(&["taau", "taau"]);
+    wanted.presets[1].parameters = serde_json::from_value(json!({"history_filter": "none"})).unwrap();
+    wanted.metrics = vec![Metric::Psnr, Metric::Ssim, Metric::WarpedTpsnr];
+    let report = execute(&wanted, &sequence);
+    assert_eq!(report.sequence.render_size, Extent::new(32, 24));
+    assert_eq!(report.sequence.output_size, Extent::new(64, 48));
+    let gains_db = ["psnr", "warped_tpsnr"].map(|id| {
+        let mean = |index: usize| report.reports[index].summary[id].mean.0;
+        println!("{id}: {} with history, {} without", mean(0), mean(1));
+        mean(0) - mean(1)
+    });
+    assert!(gains_db.iter().all(|gain_db| *gain_db > 0.5), "{gains_db:?}");
+}
+
+#[test]
+fn presets_that_cannot_upscale_are_named() {
+    let refused = |presets: &[&str], sequence: &Sequence| match run::validate(&spec(presets), sequence) {
+        Ok(()) => String::new(),
+        Err(error) => error.to_string(),
+    };
+    let sequence = open(&fixture("upscale"));
+    assert_eq!(refused(&["taau"], &sequence), "");
+    assert_eq!(
+        refused(&["taau", "ema"], &sequence),
+        "presets[1]: `ema` does not upscale, as from 32×24 to 64×48 asks; the input filter `upsample` does"
+    );
+    let (admitted, left_out) = run::admitted(&sequence);
+    assert_eq!(admitted.iter().map(|preset| preset.id).collect::<Vec<_>>(), ["taau"]);
+    assert!(left_out.iter().any(|(preset, _)| preset.id == "karis2014"));
+
+    // With the input filter that can, another system goes, too.
+    let mut ema = spec(&["ema"]);
+    ema.presets[0].parameters = serde_json::from_value(json!({"input_filter": "upsample"})).unwrap();
+    assert!(run::validate(&ema, &sequence).is_ok());
+
+    let with_output = |size: Value| {
+        let folder = copy_of("upscale");
+        edit(&folder, |manifest| manifest["output_size"] = size);
+        refused(&["taau"], &open(folder.path()))
+    };
+    assert_eq!(with_output(json!([128, 96])), "");
+    assert_eq!(
+        with_output(json!([64, 97])),
+        "presets[0]: `taau` upscales by 1 to 4 along each axis, which from 32×24 to 64×97 is not"
+    );
+    assert!(with_output(json!([31, 48])).contains("1 to 4"));
 }
