@@ -250,6 +250,7 @@ fn textured(extent: Extent, index: usize) -> Frame {
         jitter_px: [0.125, -0.25],
         far: 100.0,
         output_size: extent,
+        parity: None,
         color: Image::from_fn(extent, |x, y| [hash(x, y), hash(y, x), 2.0 * hash(x + y, x)]),
         depth: Some(Image::from_fn(extent, |x, y| {
             if (x / 40 + y / 40) % 2 == 0 { 2.0 } else { 5.0 }

@@ -21,7 +21,8 @@ fn main() -> anyhow::Result<()> {
     pan(&folder.join("pan"))?;
     still(&folder.join("static"))?;
     engine(&folder.join("engine"))?;
-    sparse::upscale(&folder.join("upscale"))
+    sparse::upscale(&folder.join("upscale"))?;
+    sparse::checkerboard(&folder.join("checkerboard"))
 }
 
 /// Every pixel's sample of a jittered frame, row by row.

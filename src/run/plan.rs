@@ -133,6 +133,12 @@ pub enum Unfit {
     /// The sizes do not go together with it.
     #[error(transparent)]
     Sizes(#[from] SizesError),
+    /// It would read pixels that are not there.
+    #[error("reads every pixel, and the frames are checkerboards")]
+    Checkerboard,
+    /// It would ignore half of the pixels.
+    #[error("fills the gaps of checkerboards, and the frames have none")]
+    NoCheckerboard,
     /// An image that it reads is not there.
     #[error("needs {}, which the sequence does not have", .0.join(" and "))]
     Missing(Vec<&'static str>),
@@ -140,7 +146,11 @@ pub enum Unfit {
 
 /// Whether `sequence` has what `recipe` needs.
 pub fn admits(sequence: &Sequence, recipe: &Recipe) -> Result<(), Unfit> {
-    recipe.check_sizes(sequence.sizes())?;
+    match (sequence.is_checkerboard(), recipe.fills_checkerboard()) {
+        (true, false) => return Err(Unfit::Checkerboard),
+        (false, true) => return Err(Unfit::NoCheckerboard),
+        _ => recipe.check_sizes(sequence.sizes())?,
+    }
     let missing = missing(recipe.required_channels(), sequence.available());
     match missing.is_empty() {
         true => Ok(()),

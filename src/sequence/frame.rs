@@ -106,6 +106,9 @@ pub struct Frame {
     pub far: f64,
     /// Size of what is to be made of the frame.
     pub output_size: Extent,
+    /// Where the frame shades every other pixel: those whose x + y is even (0) or odd (1). At the others colour and albedo
+    /// are 0, depth is sky and motion is NaN, whatever the engine left there.
+    pub parity: Option<u32>,
     /// Linear RGB at render size.
     pub color: Image<Rgb>,
     /// Distance along the view axis; sky is [`SKY_DEPTH`].

@@ -215,6 +215,11 @@ impl Sequence {
         self.manifest.warmup_frames
     }
 
+    /// Whether its frames shade every other pixel only.
+    pub fn is_checkerboard(&self) -> bool {
+        self.manifest.checkerboard.is_some()
+    }
+
     /// Whether any frame's samples lie off the pixel centres.
     pub fn is_jittered(&self) -> bool {
         self.jitter_px.iter().any(|jitter| *jitter != [0.0; 2])

@@ -21,6 +21,7 @@ pub struct Inputs {
     has_history: bool,
     jitter_px: [f64; 2],
     far: f32,
+    parity: u32,
     color: Texture,
     albedo: Texture,
     unjittered_color: Option<Texture>,
@@ -68,6 +69,7 @@ impl Inputs {
                 has_history: false,
                 jitter_px: [0.0; 2],
                 far: 1.0,
+                parity: 0,
                 color: texture("color", TextureFormat::Rgba32Float),
                 unjittered_color: channels
                     .unjittered_color
@@ -87,6 +89,7 @@ impl Inputs {
         self.has_history = frame.index > 0 && !frame.reset;
         self.jitter_px = frame.jitter_px;
         self.far = frame.finite_far() as f32;
+        self.parity = frame.parity.unwrap_or_default();
         let is_read = |texture: &Texture| texture.extent() == self.sizes.render;
         gpu.scope("uploading a frame", || {
             self.color.write_rgb(gpu, &frame.color);
@@ -169,6 +172,7 @@ impl Inputs {
                     ("jitter_px", [x as f32, y as f32].into()),
                     ("has_history", u32::from(self.has_history).into()),
                     ("far", self.far.into()),
+                    ("parity", self.parity.into()),
                     ("output_size", [width as f32, height as f32].into()),
                 ],
             )

@@ -91,7 +91,7 @@ const SALVI: Recipe = Recipe {
 };
 
 /// Every published system, in the order of their publication.
-pub const PRESETS: [Preset; 15] = [
+pub const PRESETS: [Preset; 16] = [
     Preset {
         id: "none",
         description: "The engine's colour as it is: what anti-aliasing has to improve on",
@@ -243,6 +243,21 @@ pub const PRESETS: [Preset; 15] = [
             history_filter: HistoryFilter::CatmullRom5,
             space: Space::Ycocg,
             neighbourhood: Neighbourhood::Shrunk,
+            rectify: Rectify::ClipCentre,
+            ..BASE
+        },
+    },
+    Preset {
+        id: "checkerboard",
+        description: "Every other pixel from the frame, the rest from history rectified by its shaded neighbours",
+        publication: "Yang et al., A Survey of Temporal Antialiasing Techniques, 2020, 5.3",
+        recipe: Recipe {
+            algorithm: Algorithm::Checkerboard,
+            domain: Domain::Tonemapped,
+            dilation: Dilation::Closest,
+            history_filter: HistoryFilter::CatmullRom5,
+            space: Space::Ycocg,
+            neighbourhood: Neighbourhood::Box3,
             rectify: Rectify::ClipCentre,
             ..BASE
         },

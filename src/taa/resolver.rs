@@ -2,6 +2,7 @@
 
 use super::{
     Inputs, Precision, Recipe,
+    checkerboard::Checkerboard,
     phlm2016::Phlm,
     recipe::Algorithm,
     recorder::{Recorder, Repeat},
@@ -26,6 +27,7 @@ pub struct Resolver {
 enum Passes {
     Temporal(Box<Temporal>),
     Phlm2016(Box<Phlm>),
+    Checkerboard(Box<Checkerboard>),
 }
 
 impl Resolver {
@@ -46,6 +48,7 @@ impl Resolver {
         let passes = match recipe.algorithm {
             Algorithm::Temporal => Passes::Temporal(Box::new(Temporal::new(builder)?)),
             Algorithm::Phlm2016 => Passes::Phlm2016(Box::new(Phlm::new(builder)?)),
+            Algorithm::Checkerboard => Passes::Checkerboard(Box::new(Checkerboard::new(builder)?)),
         };
         gpu.scope("making room for the shown image", || Self {
             passes,
@@ -78,6 +81,7 @@ impl Resolver {
         match &mut self.passes {
             Passes::Temporal(temporal) => temporal.record(&mut recorder, &self.recipe, inputs, &self.shown),
             Passes::Phlm2016(phlm) => phlm.record(&mut recorder, &self.recipe, inputs, &self.shown),
+            Passes::Checkerboard(checkerboard) => checkerboard.record(&mut recorder, &self.recipe, inputs, &self.shown),
         }
     }
 
@@ -93,6 +97,7 @@ impl Recipe {
         match self.algorithm {
             Algorithm::Temporal => Temporal::passes(self),
             Algorithm::Phlm2016 => Phlm::PASSES.to_vec(),
+            Algorithm::Checkerboard => Checkerboard::PASSES.to_vec(),
         }
     }
 }

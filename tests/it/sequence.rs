@@ -242,6 +242,26 @@ fn a_sequence_to_be_upscaled_loads_at_both_sizes() {
     }
 }
 
+#[test]
+fn a_checkerboard_loads_as_the_scene_where_it_is_shaded() {
+    let sequence = open(&fixture("checkerboard"));
+    sequence.verify_files().unwrap();
+    for t in 0..4 {
+        let frame = sequence.load(t, ALL).unwrap();
+        let (depth, motion) = (frame.depth.as_ref().unwrap(), frame.motion_px.as_ref().unwrap());
+        for (x, y) in (0..48).flat_map(|x| (0..32).map(move |y| (x, y))) {
+            if (x + y) as usize % 2 == t % 2 {
+                let truth = ENGINE.sample(t as i64, [f64::from(x) + 0.5, f64::from(y) + 0.5]);
+                assert!(rgb_error(frame.color.at(x, y), truth.color) < HALF);
+                assert!(depth_error(depth.at(x, y), &truth) < 1e-6 && motion_error(motion.at(x, y), &truth) < 1e-6);
+            } else {
+                assert_eq!((frame.color.at(x, y), depth.at(x, y)), ([0.0; 3], SKY_DEPTH));
+                assert!(motion.at(x, y)[0].is_nan());
+            }
+        }
+    }
+}
+
 /// The comparison above must notice a convention declared wrongly.
 #[test]
 fn a_wrong_convention_loads_as_something_else() {

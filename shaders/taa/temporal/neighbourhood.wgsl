@@ -34,6 +34,10 @@ fn neighbour(p: vec2i, o: vec2i) -> vec3f {
     return to_space(fetch(color, p + o));
 }
 
+fn empty_box() -> ColorBox {
+    return ColorBox(vec3f(F16_MAX), vec3f(-F16_MAX), vec3f(0.0));
+}
+
 fn extend(bounds: ColorBox, c: vec3f) -> ColorBox {
     return ColorBox(min(bounds.lo, c), max(bounds.hi, c), bounds.mean + c);
 }

@@ -98,7 +98,11 @@ fn reprojected(p: vec2i) -> Reprojection {
     if (!reproject) {
         return Reprojection(vec2f(p) + 0.5, Motion(), frame.has_history != 0u);
     }
-    let m = dilated_motion(p);
+    return reprojected_by(p, dilated_motion(p));
+}
+
+// Where `m` leads from the output pixel `p`.
+fn reprojected_by(p: vec2i, m: Motion) -> Reprojection {
     let q = vec2f(p) + 0.5 + m.px;
     let is_outside = any(q < vec2f(0.0)) || any(q > frame.output_size);
     var has_history = frame.has_history != 0u && m.valid && !is_outside;

@@ -99,7 +99,7 @@ fn shrunk_box(p: vec2i) -> ColorBox {
     let s = samples_around(p);
     // Along each axis the last sample not beyond the centre, and the next.
     let before = vec2i(i32(s.x[1] <= NEARLY), i32(s.y[1] <= NEARLY));
-    var bounds = ColorBox(vec3f(F16_MAX), vec3f(-F16_MAX), vec3f(0.0));
+    var bounds = empty_box();
     var n = 0.0;
     for (var i = 0; i < 9; i++) {
         let o = vec2i(i % 3, i / 3);

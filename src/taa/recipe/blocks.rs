@@ -11,6 +11,8 @@ pub enum Algorithm {
     Temporal,
     /// Fits a linear model to each pixel's past. Uses none of box, rectification and weight.
     Phlm2016,
+    /// Fills the pixels that a checkerboard leaves out from history. Its box is that of the shaded neighbours; uses no weight.
+    Checkerboard,
 }
 
 /// Which texel's motion vector a pixel uses, over the 3×3 around it.

@@ -1,6 +1,8 @@
 //! What a recipe's parameters must be: whether a rule holds, the parameter that breaks it, and what would be right.
 
-use super::{Algorithm, Domain, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight};
+use super::{
+    Algorithm, Dilation, Domain, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight,
+};
 
 type Rule = (bool, &'static str, &'static str);
 
@@ -85,6 +87,16 @@ pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
             "only `temporal` can do without reprojected history",
         ),
         (
+            recipe.algorithm != Algorithm::Checkerboard
+                || recipe.dilation != Dilation::None
+                    && recipe.history_filter != HistoryFilter::Bfecc
+                    && recipe.rectify != Rectify::Hull
+                    && !(recipe.reject_depth || recipe.reject_id),
+            "algorithm",
+            "`checkerboard` needs dilation, for most pixels have no vector of their own, and has neither `bfecc`, \
+             `hull`, `reject_depth` nor `reject_id`",
+        ),
+        (
             recipe.sharpen != Sharpen::Rcas || recipe.domain == Domain::Tonemapped,
             "sharpen",
             "`rcas` needs the domain `tonemapped`",
@@ -133,6 +145,8 @@ mod tests {
         assert_eq!(refused("taau", "neighbourhood", "sobel".into()), "input_filter");
         assert_eq!(refused("amortized", "input_filter", "upsample".into()), "input_filter");
         assert_eq!(refused("phlm2016", "input_filter", "upsample".into()), "input_filter");
+        assert_eq!(refused("checkerboard", "dilation", "none".into()), "algorithm");
+        assert_eq!(refused("checkerboard", "reject_id", true.into()), "algorithm");
         assert_eq!(refused("phlm2016", "motion_blur", true.into()), "algorithm");
         assert_eq!(refused("phlm2016", "history_filter", "none".into()), "algorithm");
         assert_eq!(refused("ema", "rectify", "hull".into()), "rectify");

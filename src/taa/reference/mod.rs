@@ -1,6 +1,7 @@
 //! The CPU twin: every recipe, written for clarity in the order of the pipeline, generic over f32 and f64. In f64 it is
 //! the measure that the GPU's numbers are held against; it shares no code with the GPU's path but the recipe.
 
+mod checkerboard;
 pub mod color;
 mod hull;
 mod neighbourhood;
@@ -23,6 +24,7 @@ use crate::{
     sequence::{Frame, Sizes},
 };
 use color::{Color, F16_MAX};
+use neighbourhood::ColorBox;
 use real::Real;
 use reproject::Reprojected;
 use sampling::{bilinear, containing};
@@ -86,7 +88,7 @@ impl<R: Real> Twin<R> {
     /// Resolves the next frame.
     ///
     /// # Panics
-    /// When the frame lacks a channel of [`Recipe::required_channels`], or [`Recipe::check_sizes`] refuses its sizes.
+    /// When the frame lacks a channel of [`Recipe::required_channels`] or the parity that the recipe needs, or [`Recipe::check_sizes`] refuses its sizes.
     pub fn resolve(&mut self, frame: &Frame) -> Resolved<R> {
         let sizes = frame.sizes();
         self.recipe.check_sizes(sizes).expect("validated with the sequence");
@@ -114,6 +116,7 @@ impl<R: Real> Twin<R> {
         let resolved = match self.recipe.algorithm {
             Algorithm::Temporal => pixels.temporal(&prepared.unlit_luma),
             Algorithm::Phlm2016 => pixels.phlm(),
+            Algorithm::Checkerboard => pixels.checkerboard(),
         };
         let shown = resolved.shown.map(|color| color.from_domain(self.recipe.domain).0);
         let mut left = resolved.left;
@@ -249,21 +252,7 @@ impl<R: Real> Pixels<'_, R> {
         let bounds = self.color_box(p, current);
         let rectified = match &bounds {
             None => unrectified,
-            Some(bounds) => {
-                let [history, towards] = [unrectified, current].map(|c| c.to_space(recipe.space));
-                let rectified = match recipe.rectify {
-                    Rectify::None => history,
-                    Rectify::Clamp => history.clamp(bounds.lo, bounds.hi),
-                    Rectify::ClipCentre => rectify::clip_centre(history, bounds, recipe.domain),
-                    Rectify::ClipCurrent => rectify::clip_current(history, towards, bounds),
-                    Rectify::Hull => hull::clip(
-                        history,
-                        towards,
-                        self.ring(self.input_texel(p)).map(|c| c.to_space(recipe.space)),
-                    ),
-                };
-                rectified.from_space(recipe.space)
-            }
+            Some(bounds) => self.rectified(p, unrectified, current, bounds),
         };
         let blended = Blended {
             current,
@@ -281,6 +270,23 @@ impl<R: Real> Pixels<'_, R> {
                 (rectified * of_history + current * of_current) * (one / (of_history + of_current))
             }
         }
+    }
+
+    /// History, or what is left of it, against the box around `p`. All RGB but the box.
+    fn rectified(&self, p: [i64; 2], history: Color<R>, current: Color<R>, bounds: &ColorBox<R>) -> Color<R> {
+        let recipe = self.recipe;
+        let [history, towards] = [history, current].map(|c| c.to_space(recipe.space));
+        let rectified = match recipe.rectify {
+            Rectify::None => history,
+            Rectify::Clamp => history.clamp(bounds.lo, bounds.hi),
+            Rectify::ClipCentre => rectify::clip_centre(history, bounds, recipe.domain),
+            Rectify::ClipCurrent => rectify::clip_current(history, towards, bounds),
+            Rectify::Hull => {
+                let ring = self.ring(self.input_texel(p));
+                hull::clip(history, towards, ring.map(|c| c.to_space(recipe.space)))
+            }
+        };
+        rectified.from_space(recipe.space)
     }
 }
 

@@ -91,6 +91,7 @@ mod tests {
             jitter_px: [0.0; 2],
             far: 100.0,
             output_size,
+            parity: None,
             color: Image::from_fn(extent, |x, _| [colors[x as usize]; 3]),
             depth: Some(Image::filled(extent, 1.0)),
             motion_px: Some(Image::filled(extent, [0.0; 2])),

@@ -96,6 +96,7 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         jitter_px: [halton(2), halton(3)],
         far: 100.0,
         output_size: extent,
+        parity: Some(index as u32 % 2),
         color,
         depth: Some(depth),
         motion_px: Some(motion),
