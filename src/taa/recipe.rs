@@ -164,6 +164,7 @@ impl Recipe {
         let broken = rules::ranges(self)
             .into_iter()
             .chain(rules::combinations(self))
+            .chain(rules::algorithms(self))
             .find(|(holds, ..)| !holds);
         match broken {
             None => Ok(()),

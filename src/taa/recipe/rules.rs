@@ -51,7 +51,6 @@ pub fn ranges(recipe: &Recipe) -> Vec<Rule> {
 /// Of parameters together.
 pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
     let has_box = recipe.neighbourhood != Neighbourhood::None;
-    let is_temporal = recipe.algorithm == Algorithm::Temporal;
     vec![
         (
             !recipe.prefilter_moments
@@ -65,36 +64,9 @@ pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
             "needs a neighbourhood other than `shrunk`, which knows where the samples lie",
         ),
         (
-            recipe.input_filter != InputFilter::Upsample
-                || is_temporal && recipe.neighbourhood != Neighbourhood::Sobel && recipe.weight != Weight::Amortized,
-            "input_filter",
-            "`upsample` needs the algorithm `temporal`, a neighbourhood other than `sobel` and a weight other than \
-             `amortized`",
-        ),
-        (
             !recipe.chroma_from_luma || recipe.space == Space::Ycocg,
             "chroma_from_luma",
             "needs the space `ycocg`",
-        ),
-        (
-            is_temporal || !recipe.motion_blur && recipe.sharpen == Sharpen::None,
-            "algorithm",
-            "only `temporal` has `sharpen` and `motion_blur`",
-        ),
-        (
-            is_temporal || recipe.reproject && recipe.history_filter != HistoryFilter::None,
-            "algorithm",
-            "only `temporal` can do without reprojected history",
-        ),
-        (
-            recipe.algorithm != Algorithm::Checkerboard
-                || recipe.dilation != Dilation::None
-                    && recipe.history_filter != HistoryFilter::Bfecc
-                    && recipe.rectify != Rectify::Hull
-                    && !(recipe.reject_depth || recipe.reject_id),
-            "algorithm",
-            "`checkerboard` needs dilation, for most pixels have no vector of their own, and has neither `bfecc`, \
-             `hull`, `reject_depth` nor `reject_id`",
         ),
         (
             recipe.sharpen != Sharpen::Rcas || recipe.domain == Domain::Tonemapped,
@@ -116,6 +88,40 @@ pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
             recipe.weight != Weight::Antiflicker || has_box,
             "weight",
             "`antiflicker` needs a neighbourhood other than `none`",
+        ),
+    ]
+}
+
+/// Of what an algorithm can do.
+pub fn algorithms(recipe: &Recipe) -> Vec<Rule> {
+    let is_temporal = recipe.algorithm == Algorithm::Temporal;
+    vec![
+        (
+            is_temporal || !recipe.motion_blur && recipe.sharpen == Sharpen::None,
+            "algorithm",
+            "only `temporal` has `sharpen` and `motion_blur`",
+        ),
+        (
+            is_temporal || recipe.reproject && recipe.history_filter != HistoryFilter::None,
+            "algorithm",
+            "only `temporal` can do without reprojected history",
+        ),
+        (
+            recipe.input_filter != InputFilter::Upsample
+                || is_temporal && recipe.neighbourhood != Neighbourhood::Sobel && recipe.weight != Weight::Amortized,
+            "input_filter",
+            "`upsample` needs the algorithm `temporal`, a neighbourhood other than `sobel` and a weight other than \
+             `amortized`",
+        ),
+        (
+            recipe.algorithm != Algorithm::Checkerboard
+                || recipe.dilation != Dilation::None
+                    && recipe.history_filter != HistoryFilter::Bfecc
+                    && recipe.rectify != Rectify::Hull
+                    && !(recipe.reject_depth || recipe.reject_id),
+            "algorithm",
+            "`checkerboard` needs dilation, for half of its pixels have no vector of their own, and has neither `bfecc`, \
+             `hull`, `reject_depth` nor `reject_id`",
         ),
     ]
 }
