@@ -136,24 +136,26 @@ impl<'a> Stage<'a> {
         metrics: &[Metric],
         reads_images: bool,
     ) -> Result<Self, RunError> {
-        let extent = sequence.render_size();
-        if extent.width.max(extent.height) > gpu.max_side() {
-            let (name, limit) = (gpu.info().name, gpu.max_side());
-            let message = format!("frames of {extent} are too large for `{name}`: at most {limit} a side");
-            return Err(RunError::Input(message));
+        let sizes = sequence.sizes();
+        for extent in [sizes.render, sizes.output] {
+            if extent.width.max(extent.height) > gpu.max_side() {
+                let (name, limit) = (gpu.info().name, gpu.max_side());
+                let message = format!("frames of {extent} are too large for `{name}`: at most {limit} a side");
+                return Err(RunError::Input(message));
+            }
         }
         let resolvers = plan
             .systems
             .par_iter()
-            .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, extent))
+            .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, sizes))
             .collect::<Result<_, _>>()?;
         let metrics = (!metrics.is_empty())
-            .then(|| GpuMetrics::new(gpu, extent, sequence.display(), metrics))
+            .then(|| GpuMetrics::new(gpu, sizes.output, sequence.display(), metrics))
             .transpose()?;
         let mut stage = Self {
             plan,
             gpu,
-            inputs: Inputs::new(gpu, extent, plan.channels, &plan.prepared)?,
+            inputs: Inputs::new(gpu, sizes, plan.channels, &plan.prepared)?,
             resolvers,
             reads_images,
             metrics,

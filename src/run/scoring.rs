@@ -122,7 +122,7 @@ impl<'a> Scorer<'a> {
         let (reference, reference_ms) = timed(|| {
             let linear = frame.reference.take().filter(|_| !self.metrics.is_empty())?;
             let picture = Picture::linear(linear, self.sequence.display());
-            let motion_px = frame.motion_px.take().map(Arc::new);
+            let motion_px = frame.take_output_motion_px().map(Arc::new);
             Some(match &self.reference {
                 Some(previous) if self.age > 0 => previous.follow(picture, motion_px.as_ref()),
                 Some(previous) => previous.restart(picture),

@@ -72,6 +72,23 @@ fn run_reports_in_json_what_it_promises() {
 }
 
 #[test]
+fn all_means_those_that_the_sequence_admits() {
+    let output = afterimage(&["run", "fixtures/upscale", "--preset", "all", "--json", "-"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let reports = report["reports"].as_array().unwrap();
+    assert_eq!(reports.len(), 1);
+    assert_eq!(reports[0]["preset"], "taau");
+    let note = text(&output.stderr);
+    assert!(
+        note.contains("`all` leaves out none, ") && note.contains("does not upscale"),
+        "{note}"
+    );
+    let refused = refuse(&["run", "fixtures/upscale", "--preset", "taau,inside"]);
+    assert!(refused.contains("`inside` does not upscale"), "{refused}");
+}
+
+#[test]
 fn run_writes_the_shown_frames() {
     let folder = tempfile::tempdir().unwrap();
     let images = folder.path().to_str().unwrap();

@@ -3,6 +3,7 @@
 
 mod api;
 mod bad_input;
+mod checkerboard;
 mod cli;
 mod golden;
 mod gpu_vs_reference;
@@ -17,4 +18,5 @@ mod store;
 mod support;
 mod temporal;
 mod tidy;
+mod upsampling;
 mod web;
