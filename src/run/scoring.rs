@@ -10,7 +10,7 @@ use super::{
 use crate::{
     gpu::{Gpu, Readback, Times},
     image::Image,
-    metrics::{FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value, gpu::Recorded},
+    metrics::{FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value, gpu::Recorded, offset_px},
     sequence::{Frame, Sequence, frame::Rgb},
 };
 use std::{
@@ -20,6 +20,9 @@ use std::{
         mpsc::{Receiver, SyncSender},
     },
 };
+
+/// How far an output may lie beside its reference before the report says so, in pixels.
+const OFFSET_LIMIT_PX: f64 = 0.05;
 
 /// A frame that the GPU is working on.
 pub struct Submitted {
@@ -50,6 +53,8 @@ struct Gathered {
     track: Track,
     frames: Vec<FrameReport>,
     pass_times_ms: BTreeMap<&'static str, Vec<f64>>,
+    /// What to say of where the last output lies.
+    offset: Option<String>,
 }
 
 pub struct Scorer<'a> {
@@ -119,9 +124,10 @@ impl<'a> Scorer<'a> {
         let (pass_ms, metric_pass_ms) = pass_ms.split_at(n_resolving);
         self.add("gpu", pass_ms.iter().sum());
         self.add("metrics", metric_pass_ms.iter().sum());
+        let display = self.sequence.display();
+        let picture = frame.reference.take().map(|linear| Picture::linear(linear, display));
         let (reference, reference_ms) = timed(|| {
-            let linear = frame.reference.take().filter(|_| !self.metrics.is_empty())?;
-            let picture = Picture::linear(linear, self.sequence.display());
+            let picture = picture.clone().filter(|_| !self.metrics.is_empty())?;
             let motion_px = frame.take_output_motion_px().map(Arc::new);
             Some(match &self.reference {
                 Some(previous) if self.age > 0 => previous.follow(picture, motion_px.as_ref()),
@@ -132,7 +138,7 @@ impl<'a> Scorer<'a> {
         self.add("metrics", reference_ms);
         let frame_index = frame.index;
         for index in 0..self.plan.systems.len() {
-            let report = self.score_preset(submitted, index, reference.as_ref(), pass_ms)?;
+            let report = self.score_preset(submitted, index, reference.as_ref(), picture.as_ref(), pass_ms)?;
             self.gathered[index].frames.push(report);
             let n_systems = self.plan.systems.len();
             self.observer
@@ -147,6 +153,7 @@ impl<'a> Scorer<'a> {
         submitted: &Submitted,
         index: usize,
         reference: Option<&Reference>,
+        truth: Option<&Picture>,
         pass_ms: &[f64],
     ) -> Result<FrameReport, RunError> {
         let frame = &submitted.frame;
@@ -155,20 +162,25 @@ impl<'a> Scorer<'a> {
             Some(submitted.readback.rgb(*slot, self.sequence.output_size()))
         });
         let image = image.transpose()?.map(Arc::new);
+        let shown = image
+            .as_ref()
+            .map(|image| Picture::linear(Arc::clone(image), self.sequence.display()));
         let warmup = self.age < self.sequence.warmup_frames();
         let track = &mut self.gathered[index].track;
         let (scores, metrics_ms) = timed(|| {
-            let computed = reference.zip(image.as_ref());
-            let computed = computed.map(|(reference, image)| {
-                let picture = Picture::linear(Arc::clone(image), self.sequence.display());
-                track.score(reference, &picture, !warmup)
-            });
+            let computed = reference.zip(shown.as_ref());
+            let computed = computed.map(|(reference, shown)| track.score(reference, shown, !warmup));
             let computed = computed
                 .transpose()
                 .map_err(|error| RunError::Input(error.to_string()))?;
             scores(submitted, index, computed, image.as_deref())
         });
         let scores = scores?;
+        if let (Some(truth), Some(shown)) = (truth, &shown)
+            && frame.index + 1 == self.plan.n_frames
+        {
+            self.gathered[index].offset = offset_note(truth, shown);
+        }
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
         if let (Some(keep), Some(image)) = (&self.keep, image) {
@@ -287,11 +299,12 @@ impl<'a> Scorer<'a> {
                     let times_ms = times_ms
                         .filter_map(|(pass, ms)| Some(((*pass).to_owned(), summary(ms)?)))
                         .collect();
+                    let notes = system.notes.iter().chain(&gathered.offset).cloned().collect();
                     let frames = gathered.finish();
                     PresetReport {
                         preset: system.preset.clone(),
                         parameters: system.recipe.to_json(),
-                        notes: system.notes.clone(),
+                        notes,
                         summary: summaries(&plan.metrics, &frames),
                         times_ms,
                         frames,
@@ -308,6 +321,7 @@ impl Gathered {
             track: Track::new(metrics),
             frames: Vec::new(),
             pass_times_ms: BTreeMap::new(),
+            offset: None,
         }
     }
 
@@ -319,6 +333,22 @@ impl Gathered {
         }
         frames
     }
+}
+
+/// Where the output does not lie on its reference.
+fn offset_note(reference: &Picture, shown: &Picture) -> Option<String> {
+    let [x, y] = offset_px(reference, shown)?;
+    (x.hypot(y) > OFFSET_LIMIT_PX).then(|| {
+        let (right, below) = (
+            if x < 0.0 { "left" } else { "right" },
+            if y < 0.0 { "above" } else { "below" },
+        );
+        format!(
+            "the last output lies {:.2} px to the {right} of its reference and {:.2} px {below} it",
+            x.abs(),
+            y.abs()
+        )
+    })
 }
 
 /// From the adapter and from the image, whichever computed them; without either only the count of bad pixels.

@@ -131,7 +131,7 @@ fn a_sequence_is_upscaled_and_scored_at_its_output_size() {
     let sequence = open(&fixture("upscale"));
     let mut wanted = spec(&["taau", "taau"]);
     wanted.presets[1].parameters = serde_json::from_value(json!({"history_filter": "none"})).unwrap();
-    wanted.metrics = vec![Metric::Psnr, Metric::Ssim, Metric::WarpedTpsnr];
+    wanted.metrics = vec![Metric::PSNR, Metric::SSIM, Metric::WARPED_TPSNR];
     let report = execute(&wanted, &sequence);
     assert_eq!(report.sequence.render_size, Extent::new(32, 24));
     assert_eq!(report.sequence.output_size, Extent::new(64, 48));
