@@ -256,9 +256,7 @@ impl Recorded {
 
 /// Over all pixels.
 fn sums(n: usize, [total, reference]: [f64; 2]) -> ByMask<Sums> {
-    let mut sums = Sums::default();
-    sums.n = n as f64;
-    (sums.terms[0], sums.terms[1]) = (total, reference);
+    let sums = Sums::new(n as f64, [total, reference]);
     by_mask(&[sums, Sums::default(), Sums::default(), Sums::default()])
 }
 

@@ -30,26 +30,25 @@ pub fn offset_px(reference: &Picture, test: &Picture) -> Option<[f64; 2]> {
 }
 
 /// What is missing to `offset`, from T − R ≈ −offset · ∇(T + R)/2.
-fn step(r: &[f64], t: &[f64], extent: Extent, offset: [f64; 2]) -> Option<[f64; 2]> {
-    let half = offset.map(|offset| 0.5 * offset);
-    let sums = sum_rows(extent, None, |y, [xx, yy, xy, xe, ye]| {
+fn step(r: &[f64], t: &[f64], extent: Extent, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+    let width = extent.width as usize;
+    let (r, t) = rayon::join(
+        || moved(r, width, [-0.5 * x, -0.5 * y]),
+        || moved(t, width, [0.5 * x, 0.5 * y]),
+    );
+    let sums = sum_rows(extent, None, |y, products| {
         // The outermost pixels have no gradient.
+        products.iter_mut().for_each(|row| row.fill(0.0));
         if y == 0 || y + 1 == extent.height as usize {
-            [xx, yy, xy, xe, ye].into_iter().for_each(|row| row.fill(0.0));
             return;
         }
-        let at = |x: usize, y: usize| {
-            let [x, y] = [x as f64, y as f64];
-            let [r, t] = [
-                sample(r, extent, [x - half[0], y - half[1]]),
-                sample(t, extent, [x + half[0], y + half[1]]),
-            ];
-            (0.5 * (t + r), t - r)
-        };
-        for x in 1..xx.len().saturating_sub(1) {
-            let gx = 0.5 * (at(x + 1, y).0 - at(x - 1, y).0);
-            let gy = 0.5 * (at(x, y + 1).0 - at(x, y - 1).0);
-            let error = at(x, y).1;
+        let [xx, yy, xy, xe, ye] = products;
+        for x in 1..width.saturating_sub(1) {
+            let i = y * width + x;
+            let mean = |i: usize| 0.5 * (r[i] + t[i]);
+            let gx = 0.5 * (mean(i + 1) - mean(i - 1));
+            let gy = 0.5 * (mean(i + width) - mean(i - width));
+            let error = t[i] - r[i];
             (xx[x], yy[x], xy[x]) = (gx * gx, gy * gy, gx * gy);
             (xe[x], ye[x]) = (gx * error, gy * error);
         }
@@ -60,18 +59,37 @@ fn step(r: &[f64], t: &[f64], extent: Extent, offset: [f64; 2]) -> Option<[f64; 
     known.then(|| [(xy * ye - yy * xe) / determinant, (xy * xe - xx * ye) / determinant])
 }
 
-/// Bilinear; beyond the image its edge goes on.
-fn sample(luma: &[f64], extent: Extent, [x, y]: [f64; 2]) -> f64 {
-    let along = |at: f64, size: u32| {
-        let at = at.clamp(0.0, f64::from(size - 1));
-        (at as usize, (at as usize + 1).min(size as usize - 1), at.fract())
-    };
-    let ((x0, x1, right), (y0, y1, down)) = (along(x, extent.width), along(y, extent.height));
-    let row = |y: usize| {
-        let row = &luma[y * extent.width as usize..];
-        row[x0] + right * (row[x1] - row[x0])
-    };
-    row(y0) + down * (row(y1) - row(y0))
+/// The plane sampled beside each pixel by a Catmull-Rom spline; beyond the image its edge goes on.
+fn moved(plane: &[f64], width: usize, [x, y]: [f64; 2]) -> Vec<f64> {
+    let height = plane.len() / width;
+    let (columns, column_weights) = spline(x);
+    let (rows, row_weights) = spline(y);
+    let clamped = |at: usize, by: i64, size: usize| (at as i64 + by).clamp(0, size as i64 - 1) as usize;
+    let mut moved = vec![0.0; plane.len()];
+    moved.par_chunks_mut(width).enumerate().for_each(|(y, moved)| {
+        let taps = [0, 1, 2, 3].map(|k| &plane[clamped(y, rows + k, height) * width..][..width]);
+        let along: Vec<f64> = (0..width)
+            .map(|x| taps.iter().zip(row_weights).map(|(row, weight)| weight * row[x]).sum())
+            .collect();
+        for (x, moved) in moved.iter_mut().enumerate() {
+            let taps = column_weights.iter().zip(columns..);
+            *moved = taps.map(|(weight, by)| weight * along[clamped(x, by, width)]).sum();
+        }
+    });
+    moved
+}
+
+/// The first of four texels around a position, counted from the pixel's own, and the weights of all four. Catmull and Rom,
+/// "A Class of Local Interpolating Splines", 1974.
+fn spline(by: f64) -> (i64, [f64; 4]) {
+    let f = by - by.floor();
+    let weights = [
+        f * (-0.5 + f * (1.0 - 0.5 * f)),
+        1.0 + f * f * (-2.5 + 1.5 * f),
+        f * (0.5 + f * (2.0 - 1.5 * f)),
+        f * f * (-0.5 + 0.5 * f),
+    ];
+    (by.floor() as i64 - 1, weights)
 }
 
 fn luma_of(picture: &Picture) -> Vec<f64> {

@@ -96,10 +96,8 @@ pub(super) fn measure(pair: &Pair, domain: Domain) -> ByClass<Sums> {
         });
     let bands: Vec<[ByClass<f64>; 2]> = bands.collect();
     std::array::from_fn(|class| {
-        let mut sums = Sums::default();
-        sums.terms[0] = bands.iter().map(|[totals, _]| totals[class]).sum();
-        sums.n = bands.iter().map(|[_, n]| n[class]).sum();
-        sums
+        let [total, n] = std::array::from_fn(|i| bands.iter().map(|band| band[i][class]).sum());
+        Sums::new(n, [total])
     })
 }
 

