@@ -31,19 +31,20 @@ pub fn offset_px(reference: &Picture, test: &Picture) -> Option<[f64; 2]> {
 
 /// What is missing to `offset`, from T − R ≈ −offset · ∇(T + R)/2.
 fn step(r: &[f64], t: &[f64], extent: Extent, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-    let width = extent.width as usize;
+    let (width, height) = (extent.width as usize, extent.height as usize);
+    // Nearer to the edge a gradient would be of pixels that the spline made up.
+    let margin = 3 + (0.5 * x.abs().max(y.abs())).min(extent.width.into()) as usize;
     let (r, t) = rayon::join(
         || moved(r, width, [-0.5 * x, -0.5 * y]),
         || moved(t, width, [0.5 * x, 0.5 * y]),
     );
     let sums = sum_rows(extent, None, |y, products| {
-        // The outermost pixels have no gradient.
         products.iter_mut().for_each(|row| row.fill(0.0));
-        if y == 0 || y + 1 == extent.height as usize {
+        if !(margin..height.saturating_sub(margin)).contains(&y) {
             return;
         }
         let [xx, yy, xy, xe, ye] = products;
-        for x in 1..width.saturating_sub(1) {
+        for x in margin..width.saturating_sub(margin) {
             let i = y * width + x;
             let mean = |i: usize| 0.5 * (r[i] + t[i]);
             let gx = 0.5 * (mean(i + 1) - mean(i - 1));
