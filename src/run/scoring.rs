@@ -10,7 +10,10 @@ use super::{
 use crate::{
     gpu::{Gpu, Readback, Times},
     image::Image,
-    metrics::{FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value, gpu::Recorded},
+    metrics::{
+        FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value,
+        gpu::{DeviceTrack, Recorded},
+    },
     sequence::{Frame, Sequence, frame::Rgb},
 };
 use std::{
@@ -24,6 +27,8 @@ use std::{
 /// A frame that the GPU is working on.
 pub struct Submitted {
     pub frame: Frame,
+    /// Frames since the last reset.
+    pub age: usize,
     pub submission: wgpu::SubmissionIndex,
     pub readback: Readback,
     pub times: Times,
@@ -47,15 +52,19 @@ pub struct Shown {
 
 /// One preset's frames so far, and every time measured on its passes after warm-up.
 struct Gathered {
-    track: Track,
+    track: PresetTrack,
     frames: Vec<FrameReport>,
     pass_times_ms: BTreeMap<&'static str, Vec<f64>>,
 }
 
+/// Scores one preset's frames, wherever metrics are computed.
+enum PresetTrack {
+    Host(Track),
+    Device(DeviceTrack),
+}
+
 pub struct Scorer<'a> {
     plan: &'a Plan,
-    /// Those that the adapter leaves to the host.
-    metrics: Vec<Metric>,
     sequence: &'a Sequence,
     gpu: &'a Gpu,
     observer: &'a dyn Observer,
@@ -65,14 +74,12 @@ pub struct Scorer<'a> {
     /// Of the previous frame.
     reference: Option<Reference>,
     stages_ms: BTreeMap<&'static str, f64>,
-    /// Frames since the last reset.
-    age: usize,
 }
 
 impl<'a> Scorer<'a> {
     pub fn new(
         plan: &'a Plan,
-        metrics: Vec<Metric>,
+        on_device: bool,
         sequence: &'a Sequence,
         gpu: &'a Gpu,
         observer: &'a dyn Observer,
@@ -84,13 +91,11 @@ impl<'a> Scorer<'a> {
             gpu,
             observer,
             keep,
-            gathered: plan.systems.iter().map(|_| Gathered::new(&metrics)).collect(),
+            gathered: plan.systems.iter().map(|_| Gathered::new(plan, on_device)).collect(),
             reference: None,
             stages_ms: ["decode", "upload", "gpu", "readback", "metrics"]
                 .map(|stage| (stage, 0.0))
                 .into(),
-            age: 0,
-            metrics,
         }
     }
 
@@ -107,11 +112,6 @@ impl<'a> Scorer<'a> {
 
     fn score(&mut self, submitted: &mut Submitted) -> Result<(), RunError> {
         let frame = &mut submitted.frame;
-        self.age = if frame.index == 0 || frame.reset {
-            0
-        } else {
-            self.age + 1
-        };
         let pass_ms = submitted.times.read(&submitted.readback)?;
         self.add("decode", submitted.decode_ms);
         self.add("upload", submitted.upload_ms);
@@ -120,13 +120,13 @@ impl<'a> Scorer<'a> {
         self.add("gpu", pass_ms.iter().sum());
         self.add("metrics", metric_pass_ms.iter().sum());
         let (reference, reference_ms) = timed(|| {
-            let linear = frame.reference.take().filter(|_| !self.metrics.is_empty())?;
+            let linear = frame.reference.take().filter(|_| !self.plan.metrics.is_empty())?;
             let picture = Picture::linear(linear, self.sequence.display());
             let motion_px = frame.motion_px.take().map(Arc::new);
             Some(match &self.reference {
-                Some(previous) if self.age > 0 => previous.follow(picture, motion_px.as_ref()),
+                Some(previous) if submitted.age > 0 => previous.follow(picture, motion_px.as_ref()),
                 Some(previous) => previous.restart(picture),
-                None => Reference::new(picture, &self.metrics),
+                None => Reference::new(picture, &self.plan.metrics),
             })
         });
         self.add("metrics", reference_ms);
@@ -155,18 +155,18 @@ impl<'a> Scorer<'a> {
             Some(submitted.readback.rgb(*slot, self.sequence.output_size()))
         });
         let image = image.transpose()?.map(Arc::new);
-        let warmup = self.age < self.sequence.warmup_frames();
+        let warmup = submitted.age < self.sequence.warmup_frames();
+        let display = self.sequence.display();
         let track = &mut self.gathered[index].track;
-        let (scores, metrics_ms) = timed(|| {
-            let computed = reference.zip(image.as_ref());
-            let computed = computed.map(|(reference, image)| {
-                let picture = Picture::linear(Arc::clone(image), self.sequence.display());
-                track.score(reference, &picture, !warmup)
-            });
-            let computed = computed
-                .transpose()
-                .map_err(|error| RunError::Input(error.to_string()))?;
-            scores(submitted, index, computed, image.as_deref())
+        let (scores, metrics_ms) = timed(|| match (track, reference, &image) {
+            (PresetTrack::Device(track), ..) => Ok(track.score(&submitted.recorded[index], &submitted.readback)?),
+            (PresetTrack::Host(track), Some(reference), Some(image)) => track
+                .score(reference, &Picture::linear(Arc::clone(image), display), !warmup)
+                .map_err(|error| RunError::Input(error.to_string())),
+            (PresetTrack::Host(_), _, image) => Ok(FrameScores {
+                values: BTreeMap::new(),
+                non_finite_pixels: count_non_finite(image.as_ref().expect("read back for the host")),
+            }),
         });
         let scores = scores?;
         self.add("readback", readback_ms);
@@ -303,9 +303,12 @@ impl<'a> Scorer<'a> {
 }
 
 impl Gathered {
-    fn new(metrics: &[Metric]) -> Self {
+    fn new(plan: &Plan, on_device: bool) -> Self {
         Self {
-            track: Track::new(metrics),
+            track: match on_device {
+                true => PresetTrack::Device(DeviceTrack::new(&plan.metrics)),
+                false => PresetTrack::Host(Track::new(&plan.metrics)),
+            },
             frames: Vec::new(),
             pass_times_ms: BTreeMap::new(),
         }
@@ -314,35 +317,15 @@ impl Gathered {
     /// Every frame with all its values.
     fn finish(self) -> Vec<FrameReport> {
         let mut frames = self.frames;
-        for LateValue { frame, id, value } in self.track.finish() {
+        let late = match self.track {
+            PresetTrack::Host(track) => track.finish(),
+            PresetTrack::Device(track) => track.finish(),
+        };
+        for LateValue { frame, id, value } in late {
             frames[frame].metrics.insert(id.to_owned(), value);
         }
         frames
     }
-}
-
-/// From the adapter and from the image, whichever computed them; without either only the count of bad pixels.
-fn scores(
-    submitted: &Submitted,
-    index: usize,
-    computed: Option<FrameScores>,
-    image: Option<&Image<Rgb>>,
-) -> Result<FrameScores, RunError> {
-    let recorded = submitted.recorded.get(index);
-    let recorded = recorded
-        .map(|recorded| recorded.scores(&submitted.readback))
-        .transpose()?;
-    Ok(match (recorded, computed) {
-        (Some(mut scores), Some(computed)) => {
-            scores.values.extend(computed.values);
-            scores
-        }
-        (Some(scores), None) | (None, Some(scores)) => scores,
-        (None, None) => FrameScores {
-            values: BTreeMap::new(),
-            non_finite_pixels: count_non_finite(image.expect("read back where nothing computes metrics")),
-        },
-    })
 }
 
 fn count_non_finite(image: &Image<Rgb>) -> u64 {

@@ -5,6 +5,7 @@ mod api;
 mod bad_input;
 mod cli;
 mod golden;
+mod gpu_sequences;
 mod gpu_vs_reference;
 mod images;
 mod negative_controls;
