@@ -316,3 +316,28 @@ fn equal_images_are_perfect_on_the_gpu() {
         }
     }
 }
+
+/// Rounding of display values, about 1e-7, adds to errors that are no larger.
+#[test]
+fn gpu_psnr_of_tiny_errors() {
+    let extent = Extent::new(160, 90);
+    let reference = Arc::new(Image::from_fn(extent, |x, y| {
+        [noise(x, y, 1), 0.5 + 0.5 * noise(x / 5, y / 5, 2), noise(x, y, 3)]
+    }));
+    let metrics = [Metric::PSNR, Metric::PSNR_Y, Metric::SNR];
+    let mut device = DeviceScorer::new(extent, Display::default(), &metrics);
+    for error in [1e-4_f32, 3e-5, 1e-5, 3e-6] {
+        let test = Image::from_fn(extent, |x, y| {
+            reference.at(x, y).map(|c| c * (1.0 + error * (noise(x, y, 4) - 0.5)))
+        });
+        let cpu = cpu_scores(&reference, &test, Display::default(), &metrics)
+            .unwrap()
+            .values;
+        let gpu = device.score(&reference, &test, None, true).values;
+        for metric in metrics {
+            let [cpu, gpu] = [&cpu, &gpu].map(|values| values[metric.id()].0);
+            let rounding_db = 10.0 * libm::log10(1.0 + 2e-7 * 2e-7 * libm::pow(10.0, 0.1 * cpu));
+            assert!(agree(gpu, cpu, 1e-3 + rounding_db), "{metric}: {gpu} dB, CPU {cpu} dB");
+        }
+    }
+}

@@ -168,6 +168,39 @@ fn frames_that_are_not_finite_spoil_the_same_values() {
     compare(&frames, &all_metrics(extent));
 }
 
+/// The fit divides by how much the reference changes: rounding of display values, about 1e-7, over that.
+#[test]
+fn a_reference_that_hardly_changes() {
+    let extent = Extent::new(61, 37);
+    let metrics = [Metric::GHOST, Metric::BLUR];
+    for change in [1e-2_f32, 1e-3, 1e-4] {
+        let reference = |index: usize| {
+            let factor = |x, y| 1.0 + change * (noise(x, y, 90 + index as u32) - 0.5);
+            Image::from_fn(extent, |x, y| {
+                [0.2 + 0.3 * noise(x / 3, y / 3, 1), 0.4, 0.2 + 0.1 * noise(x, y, 2)].map(|c| c * factor(x, y))
+            })
+        };
+        let frame = |index: usize| {
+            let (now, before) = (reference(index), reference(index.saturating_sub(1)));
+            Made {
+                test: Image::from_fn(extent, |x, y| {
+                    std::array::from_fn(|c| 0.8 * now.at(x, y)[c] + 0.2 * before.at(x, y)[c])
+                }),
+                reference: Arc::new(now),
+                motion: Arc::new(Image::filled(extent, [0.0; 2])),
+                is_reset: index == 0,
+            }
+        };
+        let frames: Vec<_> = (0..2).map(frame).collect();
+        let [cpu, gpu] = [on_cpu(&frames, &metrics), on_gpu(&frames, &metrics)].map(|(scores, _)| scores[1].clone());
+        for metric in metrics {
+            let [cpu, gpu] = [&cpu, &gpu].map(|scores| scores.values[metric.id()].0);
+            let tolerance = 1e-7 / f64::from(change);
+            assert!((cpu - gpu).abs() < tolerance, "{metric} at {change}: {gpu}, CPU {cpu}");
+        }
+    }
+}
+
 /// The comparison can say no: of frames in another order, moved by a pixel, or of another image.
 #[test]
 fn other_frames_have_other_values() {
