@@ -149,11 +149,6 @@ impl Inputs {
         &self.prepared[&preparation].repaired_texels
     }
 
-    /// Motion vectors in pixels: `rg32float`.
-    pub fn motion(&self) -> &Texture {
-        &self.motion
-    }
-
     pub(super) fn extent(&self) -> Extent {
         self.extent
     }

@@ -78,8 +78,9 @@ pub struct GpuMetrics {
 pub struct ScoredFrame<'a> {
     /// Linear RGB.
     pub reference: &'a Arc<Image<Rgb>>,
-    /// Where each pixel's surface was one frame ago, minus where it is now, in pixels: `rg32float`.
-    pub motion: Option<&'a Texture>,
+    /// Where each pixel's surface was one frame ago, minus where it is now, in pixels; metrics that need it have no value
+    /// without.
+    pub motion_px: Option<&'a Image<[f32; 2]>>,
     /// Whether it continues the frame recorded before it; false after a reset.
     pub follows: bool,
     /// Whether it is past warm-up, and counts in what is gathered over the sequence.
@@ -108,9 +109,10 @@ struct Setup<'a> {
 
 /// What is known of a frame besides its reference.
 #[derive(Clone, Copy, Debug)]
-struct KnownFrame<'a> {
-    motion: Option<&'a Texture>,
+struct KnownFrame {
     follows: bool,
+    /// Whether it follows, and its motion is known.
+    follows_motion: bool,
     settled: bool,
     /// Whether there are masks, and the frame's pixels have been told apart.
     knows_classes: bool,
@@ -174,15 +176,16 @@ impl GpuMetrics {
             check_sizes(&[], self.extent, extent)?;
         }
         let follows = frame.follows && self.has_previous;
+        let follows_motion = follows && frame.motion_px.is_some();
         self.has_previous = true;
         let known = KnownFrame {
-            motion: frame.motion,
             follows,
+            follows_motion,
             settled: frame.settled,
-            knows_classes: self.has_masks && follows && frame.motion.is_some(),
+            knows_classes: self.has_masks && follows_motion,
         };
         timer.begin(recording.encoder);
-        self.prepare(recording, &known, frame.reference)?;
+        self.prepare(recording, &known, &frame)?;
         let presets = tests.iter().zip(&self.pasts);
         let presets = presets.map(|(test, past)| Ok(self.record_preset(recording, &known, test, past)?));
         let mut recorded: Vec<Recorded> = presets.collect::<Result<_, GpuError>>()?;
@@ -202,12 +205,12 @@ impl GpuMetrics {
     fn prepare(
         &mut self,
         recording: &mut Recording,
-        frame: &KnownFrame,
-        reference: &Image<Rgb>,
+        known: &KnownFrame,
+        frame: &ScoredFrame,
     ) -> Result<(), GpuError> {
-        self.references.advance(recording, &self.show, reference)?;
-        if frame.follows {
-            self.references.follow(recording, frame.motion)?;
+        self.references.advance(recording, &self.show, frame.reference)?;
+        if known.follows {
+            self.references.follow(recording, frame.motion_px)?;
         }
         if let Some(multi_scale) = &self.multi_scale {
             multi_scale.prepare(recording, &self.references)?;

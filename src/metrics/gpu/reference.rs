@@ -35,6 +35,8 @@ pub struct References {
     /// This frame's and the previous one's, taking turns; one where nothing reads the previous one.
     shown: Vec<Texture>,
     turn: usize,
+    /// Where metrics follow it: `rg32float`, in pixels.
+    pub motion: Option<Texture>,
     classify: Option<Pass>,
     /// The class of each pixel, where metrics ask for masks.
     pub classes: Option<Texture>,
@@ -89,6 +91,7 @@ impl References {
             linear: setup.texture("reference", TextureFormat::Rgba32Float)?,
             shown: shown.collect::<Result<_, _>>()?,
             turn: 0,
+            motion: texture(setup.has_masks || follows_motion, "motion", TextureFormat::Rg32Float)?,
             classify: pass(
                 setup.has_masks,
                 "metrics: classes",
@@ -116,14 +119,18 @@ impl References {
         show.record(recording, &self.linear, self.shown())
     }
 
-    /// Records what follows from this frame and the previous one. `motion` is needed where metrics follow it.
-    pub fn follow(&self, recording: &mut Recording, motion: Option<&Texture>) -> Result<(), GpuError> {
+    /// Records what follows from this frame and the previous one; along the motion where that is known.
+    pub fn follow(&self, recording: &mut Recording, motion_px: Option<&Image<[f32; 2]>>) -> Result<(), GpuError> {
+        let gpu = recording.gpu;
+        if let (Some(motion), Some(motion_px)) = (&self.motion, motion_px) {
+            gpu.scope("uploading motion", || motion.write_vec2(gpu, motion_px))?;
+        }
         let along_motion = [
             (&self.classify, "classified", &self.classes),
             (&self.change_pass, "change", &self.change),
         ];
         for (pass, name, made) in along_motion {
-            if let (Some(pass), Some(made), Some(motion)) = (pass, made, motion) {
+            if let (Some(pass), Some(made), Some(motion), Some(_)) = (pass, made, &self.motion, motion_px) {
                 let invocation = self.both(pass).bind("motion", motion).bind(name, made);
                 recording.dispatch(invocation, self.extent())?;
             }

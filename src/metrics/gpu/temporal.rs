@@ -119,8 +119,8 @@ impl Temporal {
             let invocation = bind(pass.start(classes)).bind("previous_errors", errors);
             changes.change = Some(pass.record(recording, invocation)?);
         }
-        if let (Some(pass), Some(errors), true) = (&self.along_motion, &past.errors, frame.follows)
-            && let (Some(motion), Some(change)) = (frame.motion, &references.change)
+        if let (Some(pass), Some(errors), true) = (&self.along_motion, &past.errors, frame.follows_motion)
+            && let (Some(motion), Some(change)) = (&references.motion, &references.change)
         {
             let invocation = bind(pass.start(classes)).bind("previous_errors", errors);
             let invocation = invocation.bind("motion", motion).bind("change", change);

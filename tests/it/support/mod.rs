@@ -216,19 +216,16 @@ pub struct DeviceScorer {
     passes: GpuMetrics,
     track: DeviceTrack,
     test: Texture,
-    motion: Texture,
     timer: Timer,
     pool: ReadbackPool,
 }
 
 impl DeviceScorer {
     pub fn new(extent: Extent, display: Display, metrics: &[Metric]) -> Self {
-        let texture = |label, format| Texture::new(gpu(), label, extent, format);
         Self {
             passes: GpuMetrics::new(gpu(), extent, display, metrics, 1).unwrap(),
             track: DeviceTrack::new(metrics),
-            test: texture("test", wgpu::TextureFormat::Rgba32Float),
-            motion: texture("motion", wgpu::TextureFormat::Rg32Float),
+            test: Texture::new(gpu(), "test", extent, wgpu::TextureFormat::Rgba32Float),
             timer: Timer::new(gpu(), 1),
             pool: ReadbackPool::default(),
         }
@@ -239,14 +236,11 @@ impl DeviceScorer {
         &mut self,
         reference: &Arc<Image<Rgb>>,
         test: &Image<Rgb>,
-        motion: Option<&Image<[f32; 2]>>,
+        motion_px: Option<&Image<[f32; 2]>>,
         settled: bool,
     ) -> FrameScores {
         let gpu = gpu();
         self.test.write_rgb(gpu, test);
-        if let Some(motion) = motion {
-            self.motion.write_vec2(gpu, motion);
-        }
         let mut readback = self.pool.begin();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let mut recording = Recording {
@@ -256,8 +250,8 @@ impl DeviceScorer {
         };
         let frame = ScoredFrame {
             reference,
-            motion: motion.map(|_| &self.motion),
-            follows: motion.is_some(),
+            motion_px,
+            follows: motion_px.is_some(),
             settled,
         };
         let recorded = self
