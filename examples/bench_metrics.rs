@@ -1,71 +1,221 @@
-//! Prints the CPU time of metrics on one 1920×1080 frame: `cargo run --release --example bench_metrics`.
+//! Prints what metrics cost on 1920×1080 frames: `cargo run --release --example bench_metrics [METRIC…]`.
 //!
-//! CPU time is of the whole process over all threads, the least of several tries. `evaluate` includes the display
-//! transform of the image under test; `reference` is what every image compared with the same reference shares.
+//! CPU time is of the whole process over all threads, the least of several tries. A first column is of an image that
+//! differs everywhere, the next of one that differs in 3 % of its pixels, the next of one that is the reference. Every row
+//! includes the display transform of the image under test, which the first row shows alone; `reference` is what follows
+//! from the reference and is shared by every image compared with it. Frames are the second of a sequence, so that
+//! temporal metrics have a past.
+//!
+//! `--peers DIR` writes an 8-bit pair as PNG for `script/bench_peers`, and prints our wall times on it.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
 use afterimage::{
-    image::{Extent, Image},
-    metrics::{Display, Metric, Picture, Reference, Tonemap},
+    image::{Extent, Image, files::png::write_png},
+    metrics::{Display, Metric, Picture, Reference, Tonemap, Track},
     sequence::frame::Rgb,
 };
 use rustix::time::{ClockId, clock_gettime};
+use std::{fs, hint::black_box, path::Path, sync::Arc, time::Instant};
 
 const EXTENT: Extent = Extent::new(1920, 1080);
-const N_TRIES: usize = 5;
+const N_TRIES: usize = 9;
 const N_PRESETS: usize = 8;
 const DISPLAY: Display = Display {
     exposure: 1.0,
     tonemap: Tonemap::ReinhardMax,
 };
+/// Everything that a run is likely to ask for.
+const TOGETHER: [Metric; 11] = [
+    Metric::PSNR,
+    Metric::SSIM,
+    Metric::MS_SSIM_Y,
+    Metric::FLIP,
+    Metric::TPSNR,
+    Metric::WARPED_TPSNR,
+    Metric::WARP_EXCESS,
+    Metric::FLICKER,
+    Metric::FLICKER_LOCAL,
+    Metric::GHOST,
+    Metric::BLUR,
+];
 
 fn main() -> anyhow::Result<()> {
-    let reference = picture(0.0);
-    let noisy = picture(0.05);
-    let mut patched = reference.clone();
-    for y in 400..600 {
-        patched.pixels_mut()[y * 1920 + 800..][..300].fill([0.5; 3]);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [flag, folder] = &arguments[..]
+        && flag == "--peers"
+    {
+        return peers(Path::new(folder));
     }
-    let [reference, noisy, patched] = [reference, noisy, patched].map(|image| Picture::linear(image, DISPLAY));
-    let together = [Metric::PSNR, Metric::SSIM, Metric::MS_SSIM_Y, Metric::FLIP];
-    println!("CPU ms a frame        evaluate   3 % changed   reference");
-    for metrics in [
-        &[Metric::PSNR][..],
-        &[Metric::PSNR_LINEAR],
-        &[Metric::SSIM],
-        &[Metric::SSIM_Y],
-        &[Metric::MS_SSIM_Y],
-        &[Metric::FLIP],
-        &[Metric::REL_MSE],
-        &together,
-    ] {
-        let prepared = Reference::new(reference.clone(), metrics);
-        prepared.evaluate(&noisy)?;
-        let [all, some] = [&noisy, &patched].map(|test| least_cpu_ms(|| drop(prepared.evaluate(test))));
-        // The first evaluation also fills in what the reference shares.
-        let first = least_cpu_ms(|| drop(Reference::new(reference.clone(), metrics).evaluate(&noisy)));
-        let ids: Vec<_> = metrics.iter().map(|metric| metric.id()).collect();
-        println!("{:<22}{all:>8.1}{some:>14.1}{:>12.1}", ids.join(" "), first - all);
-    }
-    let evaluate_all = |n: usize| {
-        let prepared = Reference::new(reference.clone(), &together);
-        (0..n).for_each(|_| drop(prepared.evaluate(&noisy)));
+    let frames = Frames::new();
+    memory(&frames)?;
+    println!("CPU ms a frame, {EXTENT}  all differ   3 % differ   none differ   reference");
+    let asked = arguments
+        .iter()
+        .map(|id| id.parse())
+        .collect::<Result<Vec<Metric>, _>>()?;
+    let rows: Vec<Vec<Metric>> = match asked.is_empty() {
+        true => [Vec::new()]
+            .into_iter()
+            .chain(Metric::ALL.map(|metric| vec![metric]))
+            .chain([["psnr.static", "psnr.moving", "psnr.disoccluded"]
+                .map(|id| id.parse().expect("a metric"))
+                .into()])
+            .chain([TOGETHER.into()])
+            .collect(),
+        false => vec![asked],
     };
-    let shared = least_cpu_ms(|| evaluate_all(N_PRESETS));
-    let separate = least_cpu_ms(|| (0..N_PRESETS).for_each(|_| evaluate_all(1)));
-    println!("{N_PRESETS} presets, all of the last row: {shared:.0} ms shared, {separate:.0} ms separate");
+    for metrics in rows {
+        let [all, some, none] =
+            [&frames.noisy, &frames.patched, &frames.reference].map(|test| frames.cost(&metrics, test));
+        let ids: Vec<_> = metrics.iter().map(|metric| metric.id()).collect();
+        let reference = frames.cost_with_reference(&metrics) - all;
+        println!(
+            "{all:>38.1}{some:>13.1}{none:>14.1}{reference:>12.1}   {}",
+            ids.join(" ")
+        );
+    }
+    let shared = least_cpu_ms(|| frames.judge(&TOGETHER, N_PRESETS, 1));
+    let separate = least_cpu_ms(|| frames.judge(&TOGETHER, 1, N_PRESETS));
+    println!(
+        "{N_PRESETS} presets, all of the last row: {shared:.0} ms in one run, {separate:.0} ms in {N_PRESETS} runs: {:.2}",
+        shared / separate
+    );
     Ok(())
 }
 
-/// Gradients and stripes with values to 4, and noise.
-fn picture(amplitude: f32) -> Image<Rgb> {
+/// Two references in a row, and what is compared with the second.
+struct Frames {
+    before: Picture,
+    reference: Picture,
+    noisy: Picture,
+    patched: Picture,
+    motion_px: Arc<Image<[f32; 2]>>,
+}
+
+impl Frames {
+    fn new() -> Self {
+        let reference = scene(1.0, 0.0);
+        let mut patched = reference.clone();
+        for y in 400..600 {
+            patched.pixels_mut()[y * 1920 + 800..][..300].fill([0.5; 3]);
+        }
+        let [before, noisy, reference, patched] =
+            [scene(0.0, 0.0), scene(1.0, 0.05), reference, patched].map(|image| Picture::linear(image, DISPLAY));
+        Self {
+            before,
+            reference,
+            noisy,
+            patched,
+            motion_px: Arc::new(Image::from_fn(EXTENT, |x, _| [if x < 960 { -1.0 } else { 0.0 }, 0.0])),
+        }
+    }
+
+    /// The second frame's reference, and the past of a test image.
+    fn begin(&self, metrics: &[Metric]) -> (Reference, Track) {
+        let first = Reference::new(self.before.clone(), metrics);
+        let mut track = Track::new(metrics);
+        track.score(&first, &self.before, true).expect("of one size");
+        (first.follow(self.reference.clone(), Some(&self.motion_px)), track)
+    }
+
+    fn cost(&self, metrics: &[Metric], test: &Picture) -> f64 {
+        let (reference, mut track) = self.begin(metrics);
+        let mut score = || drop(black_box(track.score(&reference, test, true)));
+        // The first fills in what images share.
+        score();
+        least_cpu_ms(score)
+    }
+
+    fn cost_with_reference(&self, metrics: &[Metric]) -> f64 {
+        let first = Reference::new(self.before.clone(), metrics);
+        let mut track = Track::new(metrics);
+        least_cpu_ms(|| {
+            track.score(&first, &self.before, true).expect("of one size");
+        });
+        least_cpu_ms(|| {
+            let next = first.follow(self.reference.clone(), Some(&self.motion_px));
+            drop(black_box(track.score(&next, &self.noisy, true)));
+        })
+    }
+
+    /// A frame of `n_runs` runs of `n_presets` each.
+    fn judge(&self, metrics: &[Metric], n_presets: usize, n_runs: usize) {
+        for _ in 0..n_runs {
+            let first = Reference::new(self.before.clone(), metrics);
+            let next = first.follow(self.reference.clone(), Some(&self.motion_px));
+            for _ in 0..n_presets {
+                let mut track = Track::new(metrics);
+                drop(black_box(track.score(&next, &self.noisy, true)));
+            }
+        }
+    }
+}
+
+/// Gradients, and stripes that move a pixel a frame on the left, with values to 4; and noise.
+fn scene(frame: f32, amplitude: f32) -> Image<Rgb> {
     Image::from_fn(EXTENT, |x, y| {
         let hash = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0x2c1b_3c6d);
         let noise = 1.0 + amplitude * ((hash >> 8) as f32 / 16_777_216.0 - 0.5);
-        let stripes = 0.5 + 0.5 * libm::sinf(x as f32 * 0.3 + y as f32 * 0.1);
+        let moved = x as f32 - if x < 960 { frame } else { 0.0 };
+        let stripes = 0.5 + 0.5 * libm::sinf(moved * 0.3 + y as f32 * 0.1);
         [4.0 * stripes, x as f32 / 1920.0, 0.2 + y as f32 / 1080.0].map(|c| c * noise)
     })
+}
+
+/// Peak memory of judging an image by everything, over what the images themselves take, in frames of f32 RGB.
+fn memory(frames: &Frames) -> anyhow::Result<()> {
+    for n_presets in [1, N_PRESETS] {
+        fs::write("/proc/self/clear_refs", "5")?;
+        let before = resident_bytes("VmRSS")?;
+        let first = Reference::new(frames.before.clone(), &TOGETHER);
+        let mut tracks: Vec<Track> = (0..n_presets).map(|_| Track::new(&TOGETHER)).collect();
+        for track in &mut tracks {
+            track.score(&first, &frames.before, true)?;
+        }
+        let next = first.follow(frames.reference.clone(), Some(&frames.motion_px));
+        drop(first);
+        for track in &mut tracks {
+            track.score(&next, &frames.noisy, true)?;
+        }
+        let peak = resident_bytes("VmHWM")? - before;
+        let n_frames = peak / (EXTENT.n_pixels() * size_of::<Rgb>()) as f64;
+        println!("memory for {n_presets} preset(s), all of the last row below: {n_frames:.1} frames of f32 RGB");
+    }
+    Ok(())
+}
+
+fn resident_bytes(field: &str) -> anyhow::Result<f64> {
+    let status = fs::read_to_string("/proc/self/status")?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix(field)?.strip_prefix(':'));
+    let kibibytes: f64 = line.unwrap_or_default().trim().trim_end_matches(" kB").parse()?;
+    Ok(kibibytes * 1024.0)
+}
+
+/// What `script/bench_peers` compares with other programs: wall times, since those are what one waits for.
+fn peers(folder: &Path) -> anyhow::Result<()> {
+    let codes = [0.0, 0.05].map(|amplitude| {
+        let shown = |pixel: Rgb| DISPLAY.apply(pixel).map(|value| (255.0 * value).round() as u8);
+        scene(1.0, amplitude).map(shown)
+    });
+    write_png(&folder.join("reference.png"), &codes[0], &[])?;
+    write_png(&folder.join("test.png"), &codes[1], &[])?;
+    let [reference, test] =
+        codes.map(|codes| Picture::codes(codes.map(|pixel| pixel.map(|c| f32::from(c) / 255.0)), 255));
+    for metric in [Metric::PSNR, Metric::SSIM, Metric::FLIP] {
+        let mut value = None;
+        let tries = (0..N_TRIES).map(|_| {
+            let start = Instant::now();
+            value = Reference::new(reference.clone(), &[metric]).evaluate(&test).ok();
+            start.elapsed().as_secs_f64() * 1e3
+        });
+        let least = tries.fold(f64::INFINITY, f64::min);
+        let value = value.expect("evaluated").values[metric.id()];
+        println!("afterimage {metric} {least:.1} ms {value:.12}");
+    }
+    Ok(())
 }
 
 fn least_cpu_ms(mut work: impl FnMut()) -> f64 {

@@ -4,6 +4,7 @@
 
 mod files;
 mod scene;
+mod sparse;
 
 use files::{Channel, Part, write_exr, write_png16};
 use scene::{ENGINE, FAR, HOSTILE_FRAME, NEAR, PAN, STATIC, Sample, Scene, exposure, hostile, jitter_px, reactive};
@@ -19,7 +20,9 @@ fn main() -> anyhow::Result<()> {
         .map_or_else(|| "fixtures".into(), PathBuf::from);
     pan(&folder.join("pan"))?;
     still(&folder.join("static"))?;
-    engine(&folder.join("engine"))
+    engine(&folder.join("engine"))?;
+    sparse::upscale(&folder.join("upscale"))?;
+    sparse::checkerboard(&folder.join("checkerboard"))
 }
 
 /// Every pixel's sample of a jittered frame, row by row.

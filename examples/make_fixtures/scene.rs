@@ -49,6 +49,9 @@ pub const PAN: Scene = Scene {
 /// The same in the size of the engine's dump.
 pub const ENGINE: Scene = Scene { size: [48, 32], ..PAN };
 
+/// The same at half of [`PAN`]'s size, to be upscaled to it.
+pub const UPSCALE: Scene = Scene { size: [32, 24], ..PAN };
+
 pub const STATIC: Scene = Scene {
     size: [61, 37],
     pose: |_| Pose { x: 0.3, yaw: 0.0 },

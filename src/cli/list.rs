@@ -1,7 +1,11 @@
 //! `afterimage list`
 
 use super::{print, table};
-use afterimage::{gpu, metrics::Metric, taa::PRESETS};
+use afterimage::{
+    gpu,
+    metrics::{Listing, Metric},
+    taa::PRESETS,
+};
 use clap::ValueEnum;
 use serde::Serialize;
 
@@ -40,14 +44,22 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
             },
         )?,
         What::Metrics => {
-            let infos: Vec<_> = Metric::ALL.iter().map(|metric| metric.info()).collect();
             show(
                 arguments.json,
-                &infos,
-                &["metric", "unit", "better", "version", "description"],
-                |info| {
+                &Metric::list(),
+                &["metric", "unit", "better", "version", "over", "description"],
+                |Listing { info, masks }| {
                     let better = format!("{:?}", info.better).to_lowercase();
-                    let text = [info.id, info.unit, &better, &info.version.to_string(), info.description];
+                    let masks: String = masks.iter().map(|mask| format!(".{mask} ")).collect();
+                    let version = info.version.to_string();
+                    let text = [
+                        info.id,
+                        info.unit,
+                        &better,
+                        &version,
+                        masks.trim_end(),
+                        info.description,
+                    ];
                     text.map(str::to_owned).to_vec()
                 },
             )?;

@@ -55,6 +55,11 @@ pub fn print(text: &str) {
     print!("{text}");
 }
 
+/// Prints what a user should know although all is well.
+pub fn note(message: &str) {
+    eprintln!("note: {message}");
+}
+
 /// Prints an error.
 pub fn complain(message: &str) {
     eprintln!("error: {message}");

@@ -1,6 +1,6 @@
 //! `afterimage run`
 
-use super::{JsonTarget, print, progress_bar, table};
+use super::{JsonTarget, note, print, progress_bar, table};
 use afterimage::{
     gpu::Gpu,
     image::{
@@ -10,11 +10,12 @@ use afterimage::{
     metrics::Metric,
     run::{self, MetricsOn, Observer, PresetSpec, RunSpec, report::Report},
     sequence::{Sequence, frame::Rgb},
-    taa::{PRESETS, Precision},
+    taa::Precision,
 };
 use anyhow::Context;
 use clap::ValueEnum;
 use std::{
+    collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
 };
@@ -51,7 +52,7 @@ pub struct Arguments {
 /// What to run: shared with `submit`.
 #[derive(clap::Args)]
 pub struct What {
-    /// Presets, separated by commas; `all` for every one
+    /// Presets, separated by commas; `all` for every one that can run on the sequence
     #[arg(long, value_name = "PRESETS", value_delimiter = ',', required = true)]
     preset: Vec<String>,
     /// Override a parameter of every preset, or of one: NAME=VALUE or PRESET.NAME=VALUE
@@ -65,7 +66,7 @@ pub struct What {
     frames: Option<usize>,
     /// Metrics, separated by commas
     #[arg(long, value_name = "METRICS", value_delimiter = ',', default_value = "psnr,ssim")]
-    metrics: Vec<Metric>,
+    pub metrics: Vec<Metric>,
     /// How often each pass of a frame is timed
     #[arg(long, value_name = "N", default_value_t = 1)]
     repeat: u32,
@@ -92,10 +93,10 @@ enum Decoder {
 }
 
 impl What {
-    /// As the library understands it.
-    pub fn spec(&self) -> anyhow::Result<RunSpec> {
+    /// As the library understands it, for this sequence.
+    pub fn spec(&self, sequence: &Sequence) -> anyhow::Result<RunSpec> {
         let mut presets: Vec<_> = if self.preset.iter().any(|id| id == "all") {
-            PRESETS.iter().map(|preset| preset.id.to_owned()).collect()
+            all_presets(sequence)?
         } else {
             self.preset.clone()
         }
@@ -120,6 +121,27 @@ impl What {
             metrics_on: MetricsOn::Auto,
         })
     }
+}
+
+/// Every preset that can run on `sequence`. Says on standard error which are left out, and why.
+fn all_presets(sequence: &Sequence) -> anyhow::Result<Vec<String>> {
+    let (admitted, refused) = run::admitted(sequence);
+    let mut by_reason: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for (preset, reason) in refused {
+        by_reason.entry(reason.to_string()).or_default().push(preset.id);
+    }
+    for (reason, ids) in by_reason {
+        note(&format!(
+            "{}: `all` leaves out {}: {reason}",
+            sequence.name(),
+            ids.join(", ")
+        ));
+    }
+    anyhow::ensure!(
+        !admitted.is_empty(),
+        "--preset all: none of them can run on this sequence"
+    );
+    Ok(admitted.into_iter().map(|preset| preset.id.to_owned()).collect())
 }
 
 /// Applies `NAME=VALUE` or `PRESET.NAME=VALUE`. A value that is no JSON is a string: `bilinear` needs no quotes.
@@ -153,15 +175,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         Decoder::Native => Backend::Native,
         Decoder::Openimageio => Backend::OpenImageIo,
     });
+    let sequence = Sequence::open(&arguments.manifest, &reader)?;
     let spec = RunSpec {
         metrics_on: match arguments.metrics_on {
             Where::Auto => MetricsOn::Auto,
             Where::Cpu => MetricsOn::Cpu,
             Where::Gpu => MetricsOn::Gpu,
         },
-        ..arguments.what.spec()?
+        ..arguments.what.spec(&sequence)?
     };
-    let sequence = Sequence::open(&arguments.manifest, &reader)?;
     run::validate(&spec, &sequence)?;
     let gpu = Gpu::open(arguments.adapter.as_deref())?;
     let observer = Screen {

@@ -4,6 +4,7 @@ use super::{JsonTarget, print, progress_bar, run::What, run::file_reader, table}
 use afterimage::{
     image::files::Backend,
     metrics::{Metric, Value as MetricValue},
+    run::RunSpec,
     sequence::Sequence,
 };
 use anyhow::{Context, bail};
@@ -46,15 +47,10 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     let service = Service::new(&arguments.url);
-    let metrics = arguments.what.spec()?.metrics;
     let mut jobs = Vec::new();
     for manifest in &arguments.manifests {
-        let hash = service.put(manifest).with_context(|| manifest.display().to_string())?;
-        jobs.push(
-            service
-                .post(arguments, &hash)
-                .with_context(|| manifest.display().to_string())?,
-        );
+        let job = service.submit(arguments, manifest);
+        jobs.push(job.with_context(|| manifest.display().to_string())?);
     }
     if !arguments.no_wait {
         for job in &mut jobs {
@@ -65,7 +61,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         target.write(&jobs)?;
     }
     if !JsonTarget::takes_stdout(arguments.json.as_ref()) {
-        print(&show(&jobs, &metrics, &service));
+        print(&show(&jobs, &arguments.what.metrics, &service));
     }
     let ended_well = |job: &Value| arguments.no_wait || job["status"] == "done";
     Ok(jobs.iter().all(ended_well))
@@ -106,9 +102,16 @@ impl Service {
         bail!("the service refused ({status}, {}): {}", text("code"), text("detail"))
     }
 
-    /// Sends a sequence; its content hash.
-    fn put(&self, manifest: &Path) -> anyhow::Result<String> {
+    /// Sends a sequence and queues a job for it.
+    fn submit(&self, arguments: &Arguments, manifest: &Path) -> anyhow::Result<Value> {
         let sequence = Sequence::open(manifest, &file_reader(Backend::Auto))?;
+        let spec = arguments.what.spec(&sequence)?;
+        let hash = self.put(&sequence)?;
+        self.post(arguments, &spec, &hash)
+    }
+
+    /// Sends a sequence; its content hash.
+    fn put(&self, sequence: &Sequence) -> anyhow::Result<String> {
         let mut archive = tempfile::tempfile()?;
         sequence.pack(&mut archive)?;
         archive.rewind()?;
@@ -118,8 +121,7 @@ impl Service {
     }
 
     /// Queues a job.
-    fn post(&self, arguments: &Arguments, hash: &str) -> anyhow::Result<Value> {
-        let spec = arguments.what.spec()?;
+    fn post(&self, arguments: &Arguments, spec: &RunSpec, hash: &str) -> anyhow::Result<Value> {
         let body = json!({
             "sequence": hash,
             "presets": spec.presets,

@@ -97,7 +97,7 @@ impl Display {
 #[inline(always)]
 pub(super) fn poison<const N: usize>([r, g, b]: &mut [[f64; N]; 3]) {
     for i in 0..N {
-        let poison = (r[i] - r[i]) + (g[i] - g[i]) + (b[i] - b[i]);
+        let poison = 0.0 * (r[i] + g[i] + b[i]);
         (r[i], g[i], b[i]) = (r[i] + poison, g[i] + poison, b[i] + poison);
     }
 }

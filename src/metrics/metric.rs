@@ -42,6 +42,16 @@ pub struct MetricInfo {
     pub description: &'static str,
 }
 
+/// A metric as lists show it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Listing {
+    /// What it is.
+    #[serde(flatten)]
+    pub info: &'static MetricInfo,
+    /// The masks that it can be taken over, by what is put behind its id.
+    pub masks: Vec<&'static str>,
+}
+
 /// How a metric is computed: what to measure on a frame, and its value from that.
 pub(super) struct Definition {
     pub info: MetricInfo,
@@ -150,6 +160,19 @@ impl Metric {
             mask: Some(mask),
             ..self
         })
+    }
+
+    /// Every metric over all pixels, and the masks that it has.
+    pub fn list() -> Vec<Listing> {
+        let listing = |metric: Self| Listing {
+            info: metric.info(),
+            masks: Mask::ALL
+                .into_iter()
+                .filter(|mask| metric.over(*mask).is_some())
+                .map(Mask::id)
+                .collect(),
+        };
+        Self::ALL.map(listing).into()
     }
 
     /// Which pixels count; all without one.

@@ -17,6 +17,7 @@ pub mod map;
 mod mask;
 mod metric;
 mod ms_ssim;
+mod offset;
 mod picture;
 mod plane;
 mod quantity;
@@ -35,7 +36,8 @@ mod vector;
 
 pub use display::{Display, Tonemap};
 pub use mask::Mask;
-pub use metric::{Better, Metric, MetricError, MetricInfo};
+pub use metric::{Better, Listing, Metric, MetricError, MetricInfo};
+pub use offset::offset_px;
 pub use picture::Picture;
 pub use reference::{FrameScores, Reference};
 pub use summary::Summary;

@@ -99,6 +99,13 @@ pub struct Sums {
 }
 
 impl Sums {
+    /// Of `n` samples; terms that are not given are 0.
+    pub fn new<const N: usize>(n: f64, given: [f64; N]) -> Self {
+        let mut terms = [0.0; 10];
+        terms[..N].copy_from_slice(&given);
+        Self { n, terms }
+    }
+
     pub fn mean(&self) -> f64 {
         self.terms[0] / self.n
     }

@@ -119,10 +119,7 @@ impl Pass<'_> {
     /// The sums of all bands, top to bottom, so that they do not depend on the number of threads.
     fn sums<'b>(&self, quantity: Quantity, bands: impl Iterator<Item = &'b ByClass<f64>>) -> ByClass<Sums> {
         let n_channels = quantity.pointwise_domain().n_channels() as f64;
-        let mut sums = self.reference.n_pixels().map(|n| Sums {
-            n: n * n_channels,
-            ..Sums::default()
-        });
+        let mut sums = self.reference.n_pixels().map(|n| Sums::new(n * n_channels, []));
         for band in bands {
             for (sums, total) in sums.iter_mut().zip(band) {
                 sums.terms[0] += total;

@@ -113,7 +113,6 @@ fn snr_db(sums: &Sums) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::{
         image::{Extent, Image},
         metrics::{Metric, Picture, Reference},

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! which needs four filtered planes instead of five, is symmetric to the last bit, and is exactly 1 for equal images.
-//! Windows are separable: each column of a tile is filtered over a ring of the last eleven rows, then the row.
+//! Windows are separable: each row of a tile is filtered once, each column over a ring of the last eleven rows.
 
 use super::{
     Better, MetricInfo,
@@ -36,7 +36,7 @@ const SIGMA: f64 = 1.5;
 const TILE: usize = 64;
 const TILE_INPUT: usize = TILE + WINDOW - 1;
 /// Rows of windows that one thread takes at a time.
-pub(super) const BAND: usize = 64;
+pub(super) const BAND: usize = 128;
 
 pub(super) const SSIM: Definition = ssim("ssim", Domain::Display, "Structural similarity of display RGB");
 pub(super) const SSIM_Y: Definition = ssim("ssim.y", Domain::Luma, "Structural similarity of Rec. 709 luma");
@@ -96,10 +96,8 @@ pub(super) fn measure(pair: &Pair, domain: Domain) -> ByClass<Sums> {
         });
     let bands: Vec<[ByClass<f64>; 2]> = bands.collect();
     std::array::from_fn(|class| {
-        let mut sums = Sums::default();
-        sums.terms[0] = bands.iter().map(|[totals, _]| totals[class]).sum();
-        sums.n = bands.iter().map(|[_, n]| n[class]).sum();
-        sums
+        let [total, n] = std::array::from_fn(|i| bands.iter().map(|band| band[i][class]).sum());
+        Sums::new(n, [total])
     })
 }
 
@@ -147,8 +145,13 @@ pub(super) fn valid_extent(extent: Extent) -> Extent {
     Extent::new(extent.width - 2 * HALF as u32, extent.height - 2 * HALF as u32)
 }
 
-/// The planes that are filtered, over one row of a tile: S, D, S², D².
-type Row = [[f64; TILE_INPUT]; 4];
+/// One row of a tile, of the planes S, D, S² and D².
+type Input = [[f64; TILE_INPUT]; 4];
+/// The same, filtered along the row.
+type Row = [[f64; TILE]; 4];
+/// Windows of two rows are filtered at once, since they share all but one row each.
+const RING: usize = WINDOW + 1;
+type Ring = [Row; RING];
 
 /// One channel of an image, to be read by rows.
 pub(super) trait Rows {
@@ -185,7 +188,9 @@ pub(super) struct Windows<'a, R> {
     /// How often the images were halved since `same` was found.
     scale: u32,
     scratch: [Vec<f64>; 2],
-    ring: Box<[Row; WINDOW]>,
+    input: Input,
+    /// The last rows, filtered along themselves.
+    ring: Box<Ring>,
 }
 
 impl<'a, R: Rows> Windows<'a, R> {
@@ -196,7 +201,8 @@ impl<'a, R: Rows> Windows<'a, R> {
             same,
             scale,
             scratch: Default::default(),
-            ring: Box::new([[[0.0; TILE_INPUT]; 4]; WINDOW]),
+            input: [[0.0; TILE_INPUT]; 4],
+            ring: Box::new([[[0.0; TILE]; 4]; RING]),
         }
     }
 
@@ -209,10 +215,7 @@ impl<'a, R: Rows> Windows<'a, R> {
         part: Part,
         mut f: impl FnMut(usize, usize, &[f64]),
     ) {
-        let mut filtered = Filtered {
-            columns: [[0.0; TILE_INPUT]; 4],
-            means: [[0.0; TILE]; 4],
-        };
+        let mut means = [[[0.0; TILE]; 4]; 2];
         let mut indices = [0.0; TILE];
         for x in (0..width).step_by(TILE) {
             let n = TILE.min(width - x);
@@ -223,14 +226,17 @@ impl<'a, R: Rows> Windows<'a, R> {
             for y in rows.start..rows.start + WINDOW - 1 {
                 self.load(x, n, y);
             }
-            for y in rows.clone() {
-                self.load(x, n, y + WINDOW - 1);
-                filter(&self.ring, y, &mut filtered);
-                match part {
-                    Part::Whole => compare(&filtered.means, self.stabilisers, &mut indices),
-                    Part::Contrast => compare_contrast(&filtered.means, self.stabilisers, &mut indices),
+            for first in rows.clone().step_by(2) {
+                let pair = first..rows.end.min(first + 2);
+                pair.clone().for_each(|y| self.load(x, n, y + WINDOW - 1));
+                filter_columns(&self.ring, first, &mut means);
+                for (y, means) in pair.zip(&means) {
+                    match part {
+                        Part::Whole => compare(means, self.stabilisers, &mut indices),
+                        Part::Contrast => compare_contrast(means, self.stabilisers, &mut indices),
+                    }
+                    f(x, y, &indices[..n]);
                 }
-                f(x, y, &indices[..n]);
             }
         }
     }
@@ -242,53 +248,66 @@ impl<'a, R: Rows> Windows<'a, R> {
         self.same.covers(seen(x), seen(y))
     }
 
-    /// Puts row `y` of the images into the ring; columns beyond the image keep what they held and are not read.
+    /// Puts row `y` of the images into the ring, filtered; columns beyond the image are not read from it.
     fn load(&mut self, x: usize, n: usize, y: usize) {
         let [scratch_r, scratch_t] = &mut self.scratch;
         let columns = x..x + n + WINDOW - 1;
         let [reference, test] = &self.images;
         let r = reference.row(y, columns.clone(), scratch_r);
         let t = test.row(y, columns, scratch_t);
-        combine(r, t, &mut self.ring[y % WINDOW]);
+        filter_row(r, t, &mut self.input, &mut self.ring[y % RING]);
     }
 }
 
-/// Rows of a tile on their way through the filter.
-struct Filtered {
-    columns: Row,
-    means: [[f64; TILE]; 4],
-}
-
 vectorised! {
-    fn combine<'a>(r: &'a [f64], t: &'a [f64], row: &'a mut Row) {
+    /// Filters a row of both images; beyond `r` and `t`, `input` keeps what it held.
+    fn filter_row<'a>(r: &'a [f64], t: &'a [f64], input: &'a mut Input, filtered: &'a mut Row) {
+        let weights = *WEIGHTS;
         let n = r.len().min(TILE_INPUT);
         let (r, t) = (&r[..n], &t[..n]);
-        let [s, d, ss, dd] = row;
+        let [s, d, ss, dd] = &mut *input;
         for i in 0..n {
             (s[i], d[i]) = (t[i] + r[i], t[i] - r[i]);
             (ss[i], dd[i]) = (s[i] * s[i], d[i] * d[i]);
         }
+        for (plane, filtered) in input.iter().zip(filtered) {
+            let mut columns = [plane.first_chunk::<TILE>().expect("a tile is no wider than its input"); WINDOW];
+            for (i, column) in columns.iter_mut().enumerate() {
+                *column = plane[i..].first_chunk().expect("a tile and its borders fill the row");
+            }
+            for i in 0..TILE {
+                let mut taps = [0.0; WINDOW];
+                for (tap, column) in taps.iter_mut().zip(columns) {
+                    *tap = column[i];
+                }
+                filtered[i] = weigh(weights, taps);
+            }
+        }
     }
 
-    /// The weighted means of the windows whose first row is `first`: along columns, then along the row.
-    fn filter<'a>(ring: &'a [Row; WINDOW], first: usize, filtered: &'a mut Filtered) {
+    /// The weighted means of the windows whose first row is `first`, and of those below.
+    fn filter_columns<'a>(ring: &'a Ring, first: usize, means: &'a mut [Row; 2]) {
+        let weights = *WEIGHTS;
+        let [above, below] = means;
         for plane in 0..4 {
-            let mut rows = [&ring[0][plane]; WINDOW];
+            let mut rows = [&ring[0][plane]; RING];
             for (i, row) in rows.iter_mut().enumerate() {
-                *row = &ring[(first + i) % WINDOW][plane];
+                *row = &ring[(first + i) % RING][plane];
             }
-            gaussian(rows, &mut filtered.columns[plane]);
-            let columns = &filtered.columns[plane];
-            let mut taps = [columns.first_chunk().expect("a tile is no wider than its input"); WINDOW];
-            for (i, tap) in taps.iter_mut().enumerate() {
-                *tap = columns[i..].first_chunk().expect("a tile and its borders fill the row");
+            for i in 0..TILE {
+                let mut taps = [0.0; RING];
+                for (tap, row) in taps.iter_mut().zip(rows) {
+                    *tap = row[i];
+                }
+                let [upper @ .., _] = taps;
+                let [_, lower @ ..] = taps;
+                (above[plane][i], below[plane][i]) = (weigh(weights, upper), weigh(weights, lower));
             }
-            gaussian(taps, &mut filtered.means[plane]);
         }
     }
 
     /// The index of each window.
-    fn compare<'a>(means: &'a [[f64; TILE]; 4], stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
+    fn compare<'a>(means: &'a Row, stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
         let ([s, d, ss, dd], [c1, c2]) = (means, stabilisers);
         for i in 0..TILE {
             let (mean_s, mean_d) = (s[i] * s[i], d[i] * d[i]);
@@ -300,7 +319,7 @@ vectorised! {
     }
 
     /// The part of each index that compares contrast and structure, and leaves out brightness.
-    fn compare_contrast<'a>(means: &'a [[f64; TILE]; 4], stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
+    fn compare_contrast<'a>(means: &'a Row, stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
         let ([s, d, ss, dd], [_, c2]) = (means, stabilisers);
         for i in 0..TILE {
             let (var_s, var_d) = (ss[i] - s[i] * s[i], dd[i] - d[i] * d[i]);
@@ -309,15 +328,13 @@ vectorised! {
     }
 }
 
-/// The weighted sum of eleven arrays. Pairs at equal distance share a weight, and one pass over all of them keeps every
-/// partial sum in a register.
+/// The weighted sum of a window's row or column. Pairs at equal distance share a weight.
 #[inline(always)]
-fn gaussian<const N: usize>(taps: [&[f64; N]; WINDOW], sums: &mut [f64; N]) {
-    let [w0, w1, w2, w3, w4, w5] = *WEIGHTS;
-    let [l5, l4, l3, l2, l1, centre, r1, r2, r3, r4, r5] = taps;
-    for i in 0..N {
-        let near = w0 * centre[i] + w1 * (l1[i] + r1[i]) + w2 * (l2[i] + r2[i]);
-        let far = w3 * (l3[i] + r3[i]) + w4 * (l4[i] + r4[i]) + w5 * (l5[i] + r5[i]);
-        sums[i] = near + far;
-    }
+fn weigh(
+    [w0, w1, w2, w3, w4, w5]: [f64; HALF + 1],
+    [l5, l4, l3, l2, l1, centre, r1, r2, r3, r4, r5]: [f64; WINDOW],
+) -> f64 {
+    let near = w2.mul_add(l2 + r2, w1.mul_add(l1 + r1, w0 * centre));
+    let far = w5.mul_add(l5 + r5, w4.mul_add(l4 + r4, w3 * (l3 + r3)));
+    near + far
 }

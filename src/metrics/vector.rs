@@ -7,7 +7,7 @@ pub static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
 
 /// Defines functions whose bodies run with the widest vectors of this processor. What they call in a loop must be
 /// `#[inline(always)]`, and no closure of any size: everything else is compiled once, for any processor. Results do not
-/// depend on the vectors, since nothing is reordered or fused.
+/// depend on the vectors: nothing is reordered, and a `mul_add` is exact on every processor (and slow on one that has none).
 macro_rules! vectorised {
     ($($(#[$meta:meta])* $vis:vis fn $name:ident<$life:lifetime>($($arg:ident: $type:ty),* $(,)?) $(-> $output:ty)? $body:block)*) => {$(
         $(#[$meta])*

@@ -12,9 +12,10 @@ use crate::{
     image::Image,
     metrics::{Metric, gpu::GpuMetricError},
     sequence::{Sequence, SequenceError, frame::Rgb},
-    taa::Precision,
+    taa::{PRESETS, Precision, Preset},
 };
 use plan::Plan;
+pub use plan::Unfit;
 use report::Report;
 use serde::{Deserialize, Serialize};
 
@@ -133,6 +134,19 @@ impl From<SequenceError> for RunError {
 /// that the sequence has the inputs they need.
 pub fn validate(spec: &RunSpec, sequence: &Sequence) -> Result<(), RunError> {
     Plan::new(spec, sequence).map(drop)
+}
+
+/// The presets that can run on `sequence`, and why the others cannot.
+pub fn admitted(sequence: &Sequence) -> (Vec<&'static Preset>, Vec<(&'static Preset, Unfit)>) {
+    const ALL: &[Preset] = &PRESETS;
+    let (mut admitted, mut refused) = (Vec::new(), Vec::new());
+    for preset in ALL {
+        match plan::admits(sequence, &preset.recipe) {
+            Ok(()) => admitted.push(preset),
+            Err(reason) => refused.push((preset, reason)),
+        }
+    }
+    (admitted, refused)
 }
 
 /// Runs every preset of `spec` over `sequence`. Decoding, the GPU and the metrics overlap; frames arrive in order.

@@ -11,8 +11,9 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, Readback, ReadbackPool, Timer},
+    image::Image,
     metrics::gpu::{GpuMetrics, Recorded, Recording, ScoredFrame},
-    sequence::{Frame, Sequence, SequenceError},
+    sequence::{Frame, Sequence, SequenceError, frame::Rgb},
     taa::{Inputs, Repeat, Resolver},
 };
 use rayon::prelude::*;
@@ -136,24 +137,26 @@ impl<'a> Stage<'a> {
         on_device: bool,
         reads_images: bool,
     ) -> Result<Self, RunError> {
-        let extent = sequence.render_size();
-        if extent.width.max(extent.height) > gpu.max_side() {
-            let (name, limit) = (gpu.info().name, gpu.max_side());
-            let message = format!("frames of {extent} are too large for `{name}`: at most {limit} a side");
-            return Err(RunError::Input(message));
+        let sizes = sequence.sizes();
+        for extent in [sizes.render, sizes.output] {
+            if extent.width.max(extent.height) > gpu.max_side() {
+                let (name, limit) = (gpu.info().name, gpu.max_side());
+                let message = format!("frames of {extent} are too large for `{name}`: at most {limit} a side");
+                return Err(RunError::Input(message));
+            }
         }
         let resolvers = plan
             .systems
             .par_iter()
-            .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, extent))
+            .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, sizes))
             .collect::<Result<_, _>>()?;
         let metrics = on_device
-            .then(|| GpuMetrics::new(gpu, extent, sequence.display(), &plan.metrics, plan.systems.len()))
+            .then(|| GpuMetrics::new(gpu, sizes.output, sequence.display(), &plan.metrics, plan.systems.len()))
             .transpose()?;
         let mut stage = Self {
             plan,
             gpu,
-            inputs: Inputs::new(gpu, extent, plan.channels, &plan.prepared)?,
+            inputs: Inputs::new(gpu, sizes, plan.channels, &plan.prepared)?,
             resolvers,
             reads_images,
             metrics,
@@ -210,11 +213,13 @@ impl<'a> Stage<'a> {
         let mut encoder = self.encoder();
         self.record(&mut encoder, Repeat::Timed(self.plan.repeat))?;
         let mut readback = self.pool.begin();
-        let recorded = self.record_metrics(&mut encoder, &mut readback, &mut frame)?;
+        let reference = frame.reference.take().map(Arc::new);
+        let recorded = self.record_metrics(&mut encoder, &mut readback, reference.as_ref(), &mut frame)?;
         let gpu = self.gpu;
         let (shown, repaired) = gpu.scope("reading a frame back", || {
             let mut copy = |resolver: &Resolver| readback.copy_texture(gpu, &mut encoder, resolver.shown());
-            let shown: Vec<_> = match self.reads_images {
+            // The last one is always read: the report says where it lies.
+            let shown: Vec<_> = match self.reads_images || frame.index + 1 == self.plan.n_frames {
                 true => self.resolvers.iter().map(&mut copy).collect(),
                 false => Vec::new(),
             };
@@ -230,6 +235,7 @@ impl<'a> Stage<'a> {
         readback.map();
         Ok(Submitted {
             frame,
+            reference,
             age: self.age,
             submission,
             readback,
@@ -256,13 +262,14 @@ impl<'a> Stage<'a> {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         readback: &mut Readback,
+        reference: Option<&Arc<Image<Rgb>>>,
         frame: &mut Frame,
     ) -> Result<Vec<Recorded>, RunError> {
-        let Some(metrics) = &mut self.metrics else {
+        let (Some(metrics), Some(reference)) = (&mut self.metrics, reference) else {
             return Ok(Vec::new());
         };
-        let reference = frame.reference.take().map(Arc::new);
-        let reference = &reference.expect("metrics are planned for sequences with a reference");
+        let needs_motion = self.plan.metrics.iter().any(|metric| metric.needs_motion());
+        let motion_px = needs_motion.then(|| frame.take_output_motion_px()).flatten();
         let mut recording = Recording {
             gpu: self.gpu,
             encoder,
@@ -270,7 +277,7 @@ impl<'a> Stage<'a> {
         };
         let frame = ScoredFrame {
             reference,
-            motion: Some(self.inputs.motion()),
+            motion_px: motion_px.as_ref(),
             follows: self.age > 0,
             settled: self.age >= self.warmup_frames,
         };

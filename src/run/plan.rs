@@ -1,11 +1,11 @@
 //! From what was asked to what will be done: everything about a run that can be known, or refused, before it starts.
 
-use super::{RunError, RunSpec};
+use super::{PresetSpec, RunError, RunSpec};
 use crate::{
     gpu::Timer,
     metrics::Metric,
     sequence::{Channels, Sequence},
-    taa::{Preparation, Preset, Recipe, Source, recipe::Dilation},
+    taa::{Preparation, Preset, Recipe, RecipeError, SizesError, Source, UnknownPreset, recipe::Dilation},
 };
 use std::collections::BTreeSet;
 
@@ -47,7 +47,6 @@ impl Plan {
         if spec.n_frames == Some(0) {
             return Err(RunError::Input("frames: must be at least 1".to_owned()));
         }
-        check_sizes(sequence)?;
         let available = sequence.available();
         let n_frames = spec.n_frames.unwrap_or(usize::MAX).min(sequence.n_frames());
         let systems = spec
@@ -55,26 +54,8 @@ impl Plan {
             .iter()
             .enumerate()
             .map(|(index, wanted)| {
-                let error = |message: String| RunError::Input(format!("presets[{index}]: {message}"));
-                let preset = Preset::find(&wanted.preset).map_err(|cause| error(cause.to_string()))?;
-                let recipe = preset
-                    .recipe
-                    .with(&wanted.parameters)
-                    .map_err(|cause| error(cause.to_string()))?;
-                recipe.check_gpu().map_err(|cause| error(cause.to_string()))?;
-                let missing = missing(recipe.required_channels(), available);
-                if !missing.is_empty() {
-                    return Err(error(format!(
-                        "`{}` needs {}, which the sequence does not have",
-                        wanted.preset,
-                        missing.join(" and ")
-                    )));
-                }
-                Ok(System {
-                    preset: wanted.preset.clone(),
-                    notes: notes(&recipe, sequence, n_frames),
-                    recipe,
-                })
+                System::new(wanted, sequence, n_frames)
+                    .map_err(|cause| RunError::Input(format!("presets[{index}]: {cause}")))
             })
             .collect::<Result<Vec<_>, _>>()?;
         let prepared: BTreeSet<_> = systems.iter().map(|system| system.recipe.preparation()).collect();
@@ -119,16 +100,61 @@ impl Plan {
     }
 }
 
-/// No recipe changes the size yet.
-fn check_sizes(sequence: &Sequence) -> Result<(), RunError> {
-    let (render, output) = (sequence.render_size(), sequence.output_size());
-    if render == output {
-        Ok(())
-    } else {
-        Err(RunError::Input(format!(
-            "sequence `{}` asks for upscaling from {render} to {output}, which none of the presets does",
-            sequence.name()
-        )))
+impl System {
+    fn new(wanted: &PresetSpec, sequence: &Sequence, n_frames: usize) -> Result<Self, SystemError> {
+        let recipe = Preset::find(&wanted.preset)?.recipe.with(&wanted.parameters)?;
+        recipe.check_gpu()?;
+        admits(sequence, &recipe).map_err(|reason| SystemError::Sequence {
+            preset: wanted.preset.clone(),
+            reason,
+        })?;
+        Ok(Self {
+            preset: wanted.preset.clone(),
+            notes: notes(&recipe, sequence, n_frames),
+            recipe,
+        })
+    }
+}
+
+/// What is wrong with one preset of a run.
+#[derive(Debug, thiserror::Error)]
+enum SystemError {
+    #[error(transparent)]
+    Preset(#[from] UnknownPreset),
+    #[error(transparent)]
+    Recipe(#[from] RecipeError),
+    #[error("`{preset}` {reason}")]
+    Sequence { preset: String, reason: Unfit },
+}
+
+/// Why a recipe cannot run on a sequence: words that follow a preset's name.
+#[derive(Debug, thiserror::Error)]
+pub enum Unfit {
+    /// The sizes do not go together with it.
+    #[error(transparent)]
+    Sizes(#[from] SizesError),
+    /// It would read pixels that are not there.
+    #[error("reads every pixel, and the frames are checkerboards")]
+    Checkerboard,
+    /// It would ignore half of the pixels.
+    #[error("fills the gaps of checkerboards, and the frames have none")]
+    NoCheckerboard,
+    /// An image that it reads is not there.
+    #[error("needs {}, which the sequence does not have", .0.join(" and "))]
+    Missing(Vec<&'static str>),
+}
+
+/// Whether `sequence` has what `recipe` needs.
+pub fn admits(sequence: &Sequence, recipe: &Recipe) -> Result<(), Unfit> {
+    match (sequence.is_checkerboard(), recipe.fills_checkerboard()) {
+        (true, false) => return Err(Unfit::Checkerboard),
+        (false, true) => return Err(Unfit::NoCheckerboard),
+        _ => recipe.check_sizes(sequence.sizes())?,
+    }
+    let missing = missing(recipe.required_channels(), sequence.available());
+    match missing.is_empty() {
+        true => Ok(()),
+        false => Err(Unfit::Missing(missing)),
     }
 }
 

@@ -13,6 +13,7 @@ use crate::{
     metrics::{
         FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value,
         gpu::{DeviceTrack, Recorded},
+        offset_px,
     },
     sequence::{Frame, Sequence, frame::Rgb},
 };
@@ -24,9 +25,14 @@ use std::{
     },
 };
 
+/// How far an output may lie beside its reference before the report says so, in pixels.
+const OFFSET_LIMIT_PX: f64 = 0.05;
+
 /// A frame that the GPU is working on.
 pub struct Submitted {
     pub frame: Frame,
+    /// Its reference, shared with the device's metrics.
+    pub reference: Option<Arc<Image<Rgb>>>,
     /// Frames since the last reset.
     pub age: usize,
     pub submission: wgpu::SubmissionIndex,
@@ -55,16 +61,19 @@ struct Gathered {
     track: PresetTrack,
     frames: Vec<FrameReport>,
     pass_times_ms: BTreeMap<&'static str, Vec<f64>>,
+    /// What to say of where the last output lies.
+    offset: Option<String>,
 }
 
 /// Scores one preset's frames, wherever metrics are computed.
 enum PresetTrack {
-    Host(Track),
+    Host(Box<Track>),
     Device(DeviceTrack),
 }
 
 pub struct Scorer<'a> {
     plan: &'a Plan,
+    scores_on_host: bool,
     sequence: &'a Sequence,
     gpu: &'a Gpu,
     observer: &'a dyn Observer,
@@ -87,6 +96,7 @@ impl<'a> Scorer<'a> {
     ) -> Self {
         Self {
             plan,
+            scores_on_host: !on_device && !plan.metrics.is_empty(),
             sequence,
             gpu,
             observer,
@@ -111,7 +121,6 @@ impl<'a> Scorer<'a> {
     }
 
     fn score(&mut self, submitted: &mut Submitted) -> Result<(), RunError> {
-        let frame = &mut submitted.frame;
         let pass_ms = submitted.times.read(&submitted.readback)?;
         self.add("decode", submitted.decode_ms);
         self.add("upload", submitted.upload_ms);
@@ -119,10 +128,14 @@ impl<'a> Scorer<'a> {
         let (pass_ms, metric_pass_ms) = pass_ms.split_at(n_resolving);
         self.add("gpu", pass_ms.iter().sum());
         self.add("metrics", metric_pass_ms.iter().sum());
+        let display = self.sequence.display();
+        let picture = submitted
+            .reference
+            .take()
+            .map(|linear| Picture::linear(linear, display));
         let (reference, reference_ms) = timed(|| {
-            let linear = frame.reference.take().filter(|_| !self.plan.metrics.is_empty())?;
-            let picture = Picture::linear(linear, self.sequence.display());
-            let motion_px = frame.motion_px.take().map(Arc::new);
+            let picture = picture.clone().filter(|_| self.scores_on_host)?;
+            let motion_px = submitted.frame.take_output_motion_px().map(Arc::new);
             Some(match &self.reference {
                 Some(previous) if submitted.age > 0 => previous.follow(picture, motion_px.as_ref()),
                 Some(previous) => previous.restart(picture),
@@ -130,9 +143,9 @@ impl<'a> Scorer<'a> {
             })
         });
         self.add("metrics", reference_ms);
-        let frame_index = frame.index;
+        let frame_index = submitted.frame.index;
         for index in 0..self.plan.systems.len() {
-            let report = self.score_preset(submitted, index, reference.as_ref(), pass_ms)?;
+            let report = self.score_preset(submitted, index, reference.as_ref(), picture.as_ref(), pass_ms)?;
             self.gathered[index].frames.push(report);
             let n_systems = self.plan.systems.len();
             self.observer
@@ -147,6 +160,7 @@ impl<'a> Scorer<'a> {
         submitted: &Submitted,
         index: usize,
         reference: Option<&Reference>,
+        truth: Option<&Picture>,
         pass_ms: &[f64],
     ) -> Result<FrameReport, RunError> {
         let frame = &submitted.frame;
@@ -155,20 +169,27 @@ impl<'a> Scorer<'a> {
             Some(submitted.readback.rgb(*slot, self.sequence.output_size()))
         });
         let image = image.transpose()?.map(Arc::new);
+        let shown = image
+            .as_ref()
+            .map(|image| Picture::linear(Arc::clone(image), self.sequence.display()));
         let warmup = submitted.age < self.sequence.warmup_frames();
-        let display = self.sequence.display();
         let track = &mut self.gathered[index].track;
-        let (scores, metrics_ms) = timed(|| match (track, reference, &image) {
+        let (scores, metrics_ms) = timed(|| match (track, reference, &shown) {
             (PresetTrack::Device(track), ..) => Ok(track.score(&submitted.recorded[index], &submitted.readback)?),
-            (PresetTrack::Host(track), Some(reference), Some(image)) => track
-                .score(reference, &Picture::linear(Arc::clone(image), display), !warmup)
+            (PresetTrack::Host(track), Some(reference), Some(shown)) => track
+                .score(reference, shown, !warmup)
                 .map_err(|error| RunError::Input(error.to_string())),
-            (PresetTrack::Host(_), _, image) => Ok(FrameScores {
+            (PresetTrack::Host(_), ..) => Ok(FrameScores {
                 values: BTreeMap::new(),
                 non_finite_pixels: count_non_finite(image.as_ref().expect("read back for the host")),
             }),
         });
         let scores = scores?;
+        if let (Some(truth), Some(shown)) = (truth, &shown)
+            && frame.index + 1 == self.plan.n_frames
+        {
+            self.gathered[index].offset = offset_note(truth, shown);
+        }
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
         if let (Some(keep), Some(image)) = (&self.keep, image) {
@@ -287,11 +308,12 @@ impl<'a> Scorer<'a> {
                     let times_ms = times_ms
                         .filter_map(|(pass, ms)| Some(((*pass).to_owned(), summary(ms)?)))
                         .collect();
+                    let notes = system.notes.iter().chain(&gathered.offset).cloned().collect();
                     let frames = gathered.finish();
                     PresetReport {
                         preset: system.preset.clone(),
                         parameters: system.recipe.to_json(),
-                        notes: system.notes.clone(),
+                        notes,
                         summary: summaries(&plan.metrics, &frames),
                         times_ms,
                         frames,
@@ -307,10 +329,11 @@ impl Gathered {
         Self {
             track: match on_device {
                 true => PresetTrack::Device(DeviceTrack::new(&plan.metrics)),
-                false => PresetTrack::Host(Track::new(&plan.metrics)),
+                false => PresetTrack::Host(Box::new(Track::new(&plan.metrics))),
             },
             frames: Vec::new(),
             pass_times_ms: BTreeMap::new(),
+            offset: None,
         }
     }
 
@@ -326,6 +349,22 @@ impl Gathered {
         }
         frames
     }
+}
+
+/// Where the output does not lie on its reference.
+fn offset_note(reference: &Picture, shown: &Picture) -> Option<String> {
+    let [x, y] = offset_px(reference, shown)?;
+    (x.hypot(y) > OFFSET_LIMIT_PX).then(|| {
+        let (right, below) = (
+            if x < 0.0 { "left" } else { "right" },
+            if y < 0.0 { "above" } else { "below" },
+        );
+        format!(
+            "the last output lies {:.2} px to the {right} of its reference and {:.2} px {below} it",
+            x.abs(),
+            y.abs()
+        )
+    })
 }
 
 fn count_non_finite(image: &Image<Rgb>) -> u64 {

@@ -1,6 +1,7 @@
 //! The canonical form of a frame: what every recipe and metric sees, whatever engine it came from.
 
 use crate::image::{Extent, Image};
+use std::fmt;
 
 /// Linear or display-referred RGB.
 pub type Rgb = [f32; 3];
@@ -48,6 +49,49 @@ impl Channels {
     }
 }
 
+/// What comes in and what is to come out, in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Of colour, depth, motion and all other inputs.
+    pub render: Extent,
+    /// Of history, the shown image and the reference.
+    pub output: Extent,
+}
+
+impl Sizes {
+    /// Nothing is upscaled.
+    pub const fn native(extent: Extent) -> Self {
+        Self {
+            render: extent,
+            output: extent,
+        }
+    }
+
+    /// Output pixels for an input pixel, along x and y.
+    pub fn scale(self) -> [f64; 2] {
+        [
+            f64::from(self.output.width) / f64::from(self.render.width),
+            f64::from(self.output.height) / f64::from(self.render.height),
+        ]
+    }
+
+    /// The input texel that contains the centre of an output pixel. In integers, because centres often lie on a texel's
+    /// border, where a rounded quotient may fall to either side.
+    pub fn render_texel(self, [x, y]: [u32; 2]) -> [u32; 2] {
+        let along = |i: u32, render: u32, output: u32| (2 * i + 1) * render / (2 * output);
+        [
+            along(x, self.render.width, self.output.width),
+            along(y, self.render.height, self.output.height),
+        ]
+    }
+}
+
+impl fmt::Display for Sizes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "from {} to {}", self.render, self.output)
+    }
+}
+
 /// One frame with all conventions normalised. Values are as the engine wrote them otherwise: non-finite and negative
 /// ones are still there, because repairing them is the recipe's work and is counted.
 #[derive(Clone, Debug)]
@@ -60,6 +104,11 @@ pub struct Frame {
     pub jitter_px: [f64; 2],
     /// Distance of the far plane in depth units; infinite where the engine has none.
     pub far: f64,
+    /// Size of what is to be made of the frame.
+    pub output_size: Extent,
+    /// Where the frame shades every other pixel: those whose x + y is even (0) or odd (1). At the others colour and albedo
+    /// are 0, depth is sky and motion is NaN, whatever the engine left there.
+    pub parity: Option<u32>,
     /// Linear RGB at render size.
     pub color: Image<Rgb>,
     /// Distance along the view axis; sky is [`SKY_DEPTH`].
@@ -87,8 +136,53 @@ impl Frame {
         self.color.extent()
     }
 
+    /// Render and output size.
+    pub fn sizes(&self) -> Sizes {
+        Sizes {
+            render: self.extent(),
+            output: self.output_size,
+        }
+    }
+
+    /// Takes the motion, for every output pixel and in output pixels: that of the input texel that contains its centre.
+    pub fn take_output_motion_px(&mut self) -> Option<Image<[f32; 2]>> {
+        let motion = self.motion_px.take()?;
+        let sizes = self.sizes();
+        if sizes == Sizes::native(self.extent()) {
+            return Some(motion);
+        }
+        let scale = sizes.scale().map(|scale| scale as f32);
+        Some(Image::from_fn(self.output_size, |x, y| {
+            let [x, y] = sizes.render_texel([x, y]);
+            let [mx, my] = motion.at(x, y);
+            [mx * scale[0], my * scale[1]]
+        }))
+    }
+
     /// The far plane's distance, 1000 where the engine has none.
     pub fn finite_far(&self) -> f64 {
         if self.far.is_finite() { self.far } else { 1000.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn output_pixels_lie_in_the_texel_under_their_centre() {
+        let texels = |render, output| {
+            let sizes = Sizes {
+                render: Extent::new(render, 1),
+                output: Extent::new(output, 1),
+            };
+            (0..output).map(|x| sizes.render_texel([x, 0])[0]).collect::<Vec<_>>()
+        };
+        assert_eq!(texels(3, 3), [0, 1, 2]);
+        assert_eq!(texels(2, 4), [0, 0, 1, 1]);
+        // The centre of pixel 1 lies at 1.5 / 1.5 = 1, on the border: the texel beyond it begins there.
+        assert_eq!(texels(2, 3), [0, 1, 1]);
+        // 18.5 / 3.7 = 5, which a rounded scale misses.
+        assert_eq!(texels(10, 37)[17..20], [4, 5, 5]);
     }
 }

@@ -3,7 +3,7 @@
 use super::{
     Channels, Frame, ImageProblem, Manifest, Section, Sequence, SequenceError,
     convention::{ColorDecoder, DepthDecoder, MotionDecoder, Projector, jitter_px},
-    frame::Rgb,
+    frame::{Rgb, SKY_DEPTH},
     manifest::{ColorSource, DepthSource, FarPlane, FrameEntry, ImageSource},
 };
 use crate::image::{
@@ -156,18 +156,20 @@ impl FrameFiles<'_> {
         let index = self.entry.index;
         let depth = self.depth();
         let reference = manifest.reference.as_ref().map(|reference| reference.color());
+        let parity = manifest.checkerboard.as_ref().map(|mask| mask.parity_of(index));
+        let color = self.color(Section::Color, Some(&manifest.color));
         Frame {
             index,
             reset: self.entry.reset || index == 0,
             jitter_px: self.sequence.jitter_px[index],
             far: far_distance(self.entry, manifest.depth.as_ref()),
-            color: self
-                .color(Section::Color, Some(&manifest.color))
-                .expect("colour is always read"),
-            motion_px: self.motion(depth.as_ref()),
-            depth: depth.filter(|_| channels.depth),
+            output_size: manifest.output_size,
+            parity,
+            color: shaded(color, parity, [0.0; 3]).expect("colour is always read"),
+            motion_px: shaded(self.motion(depth.as_ref()), parity, [f32::NAN; 2]),
+            depth: shaded(depth.filter(|_| channels.depth), parity, SKY_DEPTH),
             object_id: self.object_id(),
-            albedo: self.color(Section::Albedo, manifest.albedo.as_ref()),
+            albedo: shaded(self.color(Section::Albedo, manifest.albedo.as_ref()), parity, [0.0; 3]),
             reactive: self.reactive(),
             unjittered_color: self.color(Section::UnjitteredColor, manifest.unjittered_color.as_ref()),
             reference: self.color(Section::Reference, reference.as_ref()),
@@ -268,6 +270,14 @@ impl FrameFiles<'_> {
         let plane = self.floats(image, 0);
         Some(Image::from_pixels(self.sequence.render_size(), plane.into_owned()))
     }
+}
+
+/// With `nothing` in the pixels that a checkerboard leaves out: engines leave there what they like.
+fn shaded<T: Copy + Send + Sync>(image: Option<Image<T>>, parity: Option<u32>, nothing: T) -> Option<Image<T>> {
+    let Some(parity) = parity else { return image };
+    let image = image?;
+    let kept = |x: u32, y: u32| if (x + y) % 2 == parity { image.at(x, y) } else { nothing };
+    Some(Image::from_fn(image.extent(), kept))
 }
 
 fn far_distance(entry: &FrameEntry, depth: Option<&DepthSource>) -> f64 {

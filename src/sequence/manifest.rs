@@ -84,8 +84,8 @@ pub struct Manifest {
     pub reactive: Option<PlaneSource>,
     /// Colour rendered without jitter. Encoded as `color` is where it does not say otherwise.
     pub unjittered_color: Option<ColorSource>,
-    /// Reserved by the schema; must be null.
-    pub checkerboard: Option<Value>,
+    /// Which pixels the frames shade, where that is every other one.
+    pub checkerboard: Option<Checkerboard>,
     /// Reserved by the schema; must be null.
     pub layers: Option<Value>,
     /// Ground truth. Encoded as `color` is where it does not say otherwise.

@@ -8,7 +8,7 @@ pub mod frame;
 mod loader;
 pub mod manifest;
 
-pub use frame::{Channels, Frame};
+pub use frame::{Channels, Frame, Sizes};
 pub use manifest::{Manifest, ManifestError, Section};
 
 use crate::{
@@ -197,6 +197,14 @@ impl Sequence {
         self.manifest.output_size
     }
 
+    /// Both sizes.
+    pub fn sizes(&self) -> Sizes {
+        Sizes {
+            render: self.render_size(),
+            output: self.output_size(),
+        }
+    }
+
     /// How linear colour is shown.
     pub fn display(&self) -> Display {
         self.manifest.display
@@ -205,6 +213,11 @@ impl Sequence {
     /// Frames after a reset that are left out of summaries.
     pub fn warmup_frames(&self) -> usize {
         self.manifest.warmup_frames
+    }
+
+    /// Whether its frames shade every other pixel only.
+    pub fn is_checkerboard(&self) -> bool {
+        self.manifest.checkerboard.is_some()
     }
 
     /// Whether any frame's samples lie off the pixel centres.

@@ -2,7 +2,7 @@
 
 use super::{ApiError, Shared};
 use crate::{
-    metrics::{Metric, MetricInfo},
+    metrics::{Listing, Metric},
     run::report::AdapterInfo,
     taa::{PRESETS, Preset},
 };
@@ -23,8 +23,8 @@ pub async fn presets() -> Json<&'static [Preset]> {
 }
 
 /// `GET /metrics`
-pub async fn metrics() -> Json<Vec<&'static MetricInfo>> {
-    Json(Metric::ALL.iter().map(|metric| metric.info()).collect())
+pub async fn metrics() -> Json<Vec<Listing>> {
+    Json(Metric::list())
 }
 
 /// `GET /adapter`

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer},
     image::Extent,
-    sequence::{Channels, Frame},
+    sequence::{Channels, Frame, Sizes},
 };
 use std::collections::{BTreeMap, BTreeSet};
 use wgpu::TextureFormat;
@@ -17,10 +17,11 @@ use wgpu::TextureFormat;
 /// The current frame's images.
 #[derive(Debug)]
 pub struct Inputs {
-    extent: Extent,
+    sizes: Sizes,
     has_history: bool,
     jitter_px: [f64; 2],
     far: f32,
+    parity: u32,
     color: Texture,
     albedo: Texture,
     unjittered_color: Option<Texture>,
@@ -46,13 +47,9 @@ const PREPARE: [&str; 2] = [
 ];
 
 impl Inputs {
-    /// Room for frames of `extent` with `channels`, prepared for each of `wanted`.
-    pub fn new(
-        gpu: &Gpu,
-        extent: Extent,
-        channels: Channels,
-        wanted: &BTreeSet<Preparation>,
-    ) -> Result<Self, GpuError> {
+    /// Room for frames of `sizes` with `channels`, prepared for each of `wanted`.
+    pub fn new(gpu: &Gpu, sizes: Sizes, channels: Channels, wanted: &BTreeSet<Preparation>) -> Result<Self, GpuError> {
+        let extent = sizes.render;
         let prepared = wanted
             .iter()
             .map(|&key| Ok((key, Prepared::new(gpu, extent, key, channels)?)))
@@ -68,10 +65,11 @@ impl Inputs {
                 Carried::new(gpu, label, extent, format)
             };
             Self {
-                extent,
+                sizes,
                 has_history: false,
                 jitter_px: [0.0; 2],
                 far: 1.0,
+                parity: 0,
                 color: texture("color", TextureFormat::Rgba32Float),
                 unjittered_color: channels
                     .unjittered_color
@@ -91,7 +89,8 @@ impl Inputs {
         self.has_history = frame.index > 0 && !frame.reset;
         self.jitter_px = frame.jitter_px;
         self.far = frame.finite_far() as f32;
-        let is_read = |texture: &Texture| texture.extent() == self.extent;
+        self.parity = frame.parity.unwrap_or_default();
+        let is_read = |texture: &Texture| texture.extent() == self.sizes.render;
         gpu.scope("uploading a frame", || {
             self.color.write_rgb(gpu, &frame.color);
             if let (Some(texture), Some(image)) = (&self.unjittered_color, &frame.unjittered_color) {
@@ -138,7 +137,7 @@ impl Inputs {
                 .bind("input_albedo", &self.albedo)
                 .bind("color", &prepared.color)
                 .bind("repaired_texels", &prepared.repaired_texels)
-                .over(gpu, self.extent)?;
+                .over(gpu, self.sizes.render)?;
             recorder.record_from_zero(&dispatch, &prepared.repaired_texels);
         }
         Ok(())
@@ -149,14 +148,15 @@ impl Inputs {
         &self.prepared[&preparation].repaired_texels
     }
 
-    pub(super) fn extent(&self) -> Extent {
-        self.extent
+    pub(super) fn sizes(&self) -> Sizes {
+        self.sizes
     }
 
     /// Starts an invocation of a recipe's pass by binding what every such pass may read
     /// (`shaders/taa/temporal/recipe.wgsl`).
     pub(super) fn bind_to<'a>(&'a self, pass: &'a Pass, recipe: &Recipe) -> Invocation<'a> {
         let [x, y] = self.jitter_px;
+        let Extent { width, height } = self.sizes.output;
         pass.start()
             .offer("color", &self.prepared[&recipe.preparation()].color)
             .offer("depth", self.depth.current())
@@ -172,6 +172,8 @@ impl Inputs {
                     ("jitter_px", [x as f32, y as f32].into()),
                     ("has_history", u32::from(self.has_history).into()),
                     ("far", self.far.into()),
+                    ("parity", self.parity.into()),
+                    ("output_size", [width as f32, height as f32].into()),
                 ],
             )
     }

@@ -5,6 +5,7 @@
 //! Knows images, frames and the GPU; nothing of metrics, reports or the service.
 
 mod carried;
+mod checkerboard;
 mod inputs;
 mod phlm2016;
 mod preset;
@@ -17,7 +18,7 @@ mod temporal;
 
 pub use inputs::Inputs;
 pub use preset::{PRESETS, Preset, UnknownPreset};
-pub use recipe::{Recipe, RecipeError};
+pub use recipe::{Recipe, RecipeError, SizesError};
 pub use recorder::Repeat;
 pub use resolver::Resolver;
 
@@ -79,6 +80,11 @@ impl Recipe {
             reactive: uses_history && self.reactive,
             ..Channels::default()
         }
+    }
+
+    /// Whether it makes whole images of frames that shade every other pixel; other recipes need every pixel.
+    pub fn fills_checkerboard(&self) -> bool {
+        self.algorithm == Algorithm::Checkerboard
     }
 
     fn uses_history(&self) -> bool {

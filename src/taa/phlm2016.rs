@@ -33,7 +33,7 @@ impl Phlm {
         let [still, model] = Self::PASSES;
         let still = builder.pass(still, STILL, &[])?;
         let model = builder.pass(model, MODEL, &[])?;
-        let (gpu, extent) = (builder.gpu, builder.extent);
+        let (gpu, extent) = (builder.gpu, builder.sizes.render);
         let n_pixels = extent.n_pixels() as u64;
         if n_pixels * COEFFICIENTS_SIZE.max(COVARIANCE_SIZE) > gpu.max_buffer() {
             return Err(GpuError::Unsupported {
@@ -67,7 +67,7 @@ impl Phlm {
         let still = inputs
             .bind_to(&self.still, recipe)
             .bind("moves", &self.moves)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().render)?;
         recorder.record_from_zero(&still, &self.moves);
         let model = inputs
             .bind_to(&self.model, recipe)
@@ -81,7 +81,7 @@ impl Phlm {
             .bind("next_mean", self.mean.current())
             .bind("moves", &self.moves)
             .bind("shown", shown)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().render)?;
         recorder.record(&model);
         Ok(())
     }

@@ -91,7 +91,7 @@ const SALVI: Recipe = Recipe {
 };
 
 /// Every published system, in the order of their publication.
-pub const PRESETS: [Preset; 14] = [
+pub const PRESETS: [Preset; 16] = [
     Preset {
         id: "none",
         description: "The engine's colour as it is: what anti-aliasing has to improve on",
@@ -230,6 +230,36 @@ pub const PRESETS: [Preset; 14] = [
             sharpen: Sharpen::Normalised,
             motion_blur: false,
             ..INSIDE
+        },
+    },
+    Preset {
+        id: "taau",
+        description: "Temporal upsampling by 1 to 4 along each axis: samples count by how near they fall to a pixel",
+        publication: "Yang et al., A Survey of Temporal Antialiasing Techniques, 2020, after Unreal Engine 4.19",
+        recipe: Recipe {
+            domain: Domain::Tonemapped,
+            dilation: Dilation::Closest,
+            input_filter: InputFilter::Upsample,
+            history_filter: HistoryFilter::CatmullRom5,
+            space: Space::Ycocg,
+            neighbourhood: Neighbourhood::Shrunk,
+            rectify: Rectify::ClipCentre,
+            ..BASE
+        },
+    },
+    Preset {
+        id: "checkerboard",
+        description: "Every other pixel from the frame, the rest from history rectified by its shaded neighbours",
+        publication: "Yang et al., A Survey of Temporal Antialiasing Techniques, 2020, 5.3",
+        recipe: Recipe {
+            algorithm: Algorithm::Checkerboard,
+            domain: Domain::Tonemapped,
+            dilation: Dilation::Closest,
+            history_filter: HistoryFilter::CatmullRom5,
+            space: Space::Ycocg,
+            neighbourhood: Neighbourhood::Box3,
+            rectify: Rectify::ClipCentre,
+            ..BASE
         },
     },
 ];

@@ -10,6 +10,7 @@ pub use blocks::{
 };
 
 use super::Source;
+use crate::sequence::Sizes;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Every parameter of the temporal pipeline.
@@ -98,6 +99,17 @@ pub struct RecipeError {
     pub message: String,
 }
 
+/// Why a recipe cannot make an output of a size from its input.
+#[derive(Debug, thiserror::Error)]
+pub enum SizesError {
+    /// It makes one pixel of each texel.
+    #[error("does not upscale, as {0} asks; the input filter `upsample` does")]
+    Native(Sizes),
+    /// No recipe goes that far.
+    #[error("upscales by 1 to 4 along each axis, which {0} is not")]
+    Scale(Sizes),
+}
+
 impl Recipe {
     /// This recipe with the parameters in `overrides` replaced.
     pub fn with(&self, overrides: &serde_json::Map<String, serde_json::Value>) -> Result<Self, RecipeError> {
@@ -124,6 +136,18 @@ impl Recipe {
         })
     }
 
+    /// Whether it can make an output of `sizes` from an input of `sizes`.
+    pub fn check_sizes(&self, sizes: Sizes) -> Result<(), SizesError> {
+        if sizes == Sizes::native(sizes.render) {
+            return Ok(());
+        }
+        if self.input_filter != InputFilter::Upsample {
+            return Err(SizesError::Native(sizes));
+        }
+        let in_range = sizes.scale().iter().all(|scale| (1.0..=4.0).contains(scale));
+        in_range.then_some(()).ok_or(SizesError::Scale(sizes))
+    }
+
     /// The parameters by name, as reports carry them.
     pub fn to_json(&self) -> serde_json::Value {
         serde_json::Value::Object(self.to_fields())
@@ -140,6 +164,7 @@ impl Recipe {
         let broken = rules::ranges(self)
             .into_iter()
             .chain(rules::combinations(self))
+            .chain(rules::algorithms(self))
             .find(|(holds, ..)| !holds);
         match broken {
             None => Ok(()),

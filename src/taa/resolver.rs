@@ -2,6 +2,7 @@
 
 use super::{
     Inputs, Precision, Recipe,
+    checkerboard::Checkerboard,
     phlm2016::Phlm,
     recipe::Algorithm,
     recorder::{Recorder, Repeat},
@@ -9,7 +10,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuError, Texture, Timer},
-    image::Extent,
+    sequence::Sizes,
 };
 use wgpu::TextureFormat;
 
@@ -26,28 +27,32 @@ pub struct Resolver {
 enum Passes {
     Temporal(Box<Temporal>),
     Phlm2016(Box<Phlm>),
+    Checkerboard(Box<Checkerboard>),
 }
 
 impl Resolver {
-    /// Compiles the passes of `recipe` and makes room for frames of `extent`.
-    pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, extent: Extent) -> Result<Self, GpuError> {
-        recipe.check_gpu().map_err(|error| GpuError::Pass {
+    /// Compiles the passes of `recipe` and makes room for frames of `sizes`.
+    pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, sizes: Sizes) -> Result<Self, GpuError> {
+        let refused = |message: String| GpuError::Pass {
             pass: "resolve".to_owned(),
-            message: error.to_string(),
-        })?;
+            message,
+        };
+        recipe.check_gpu().map_err(|error| refused(error.to_string()))?;
+        recipe.check_sizes(sizes).map_err(|error| refused(error.to_string()))?;
         let builder = Builder {
             gpu,
             precision: recipe.precision(precision),
             recipe: &recipe,
-            extent,
+            sizes,
         };
         let passes = match recipe.algorithm {
             Algorithm::Temporal => Passes::Temporal(Box::new(Temporal::new(builder)?)),
             Algorithm::Phlm2016 => Passes::Phlm2016(Box::new(Phlm::new(builder)?)),
+            Algorithm::Checkerboard => Passes::Checkerboard(Box::new(Checkerboard::new(builder)?)),
         };
         gpu.scope("making room for the shown image", || Self {
             passes,
-            shown: Texture::new(gpu, "shown", extent, TextureFormat::Rgba32Float),
+            shown: Texture::new(gpu, "shown", sizes.output, TextureFormat::Rgba32Float),
             recipe,
         })
     }
@@ -76,6 +81,7 @@ impl Resolver {
         match &mut self.passes {
             Passes::Temporal(temporal) => temporal.record(&mut recorder, &self.recipe, inputs, &self.shown),
             Passes::Phlm2016(phlm) => phlm.record(&mut recorder, &self.recipe, inputs, &self.shown),
+            Passes::Checkerboard(checkerboard) => checkerboard.record(&mut recorder, &self.recipe, inputs, &self.shown),
         }
     }
 
@@ -91,6 +97,7 @@ impl Recipe {
         match self.algorithm {
             Algorithm::Temporal => Temporal::passes(self),
             Algorithm::Phlm2016 => Phlm::PASSES.to_vec(),
+            Algorithm::Checkerboard => Checkerboard::PASSES.to_vec(),
         }
     }
 }

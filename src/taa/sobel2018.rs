@@ -24,7 +24,7 @@ impl Edges {
         let [find, stabilise] = Self::PASSES;
         let find = builder.pass(find, EDGES, &[])?;
         let stabilise = builder.pass(stabilise, STABILISE, &[])?;
-        let (gpu, extent) = (builder.gpu, builder.extent);
+        let (gpu, extent) = (builder.gpu, builder.sizes.render);
         let scalar = |label| Texture::new(gpu, label, extent, TextureFormat::R32Float);
         gpu.scope("making room for edges", || Self {
             find,
@@ -40,7 +40,7 @@ impl Edges {
         let find = inputs
             .bind_to(&self.find, recipe)
             .bind("edges", &self.edges)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().render)?;
         recorder.record(&find);
         let stabilise = inputs
             .bind_to(&self.stabilise, recipe)
@@ -48,7 +48,7 @@ impl Edges {
             .bind("edge_history", self.history.previous())
             .bind("next_edge_history", self.history.current())
             .bind("stabilised", &self.stable)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().render)?;
         recorder.record(&stabilise);
         Ok(())
     }

@@ -13,6 +13,7 @@ use super::{
 use crate::{
     gpu::{Gpu, GpuError, Pass, Texture},
     image::Extent,
+    sequence::Sizes,
 };
 use compensation::Compensation;
 use difference::Difference;
@@ -20,10 +21,11 @@ use moments::Moments;
 use wgpu::TextureFormat;
 
 /// What every pass of a recipe is compiled with.
-const SHARED: [&str; 10] = [
+const SHARED: [&str; 11] = [
     include_str!("../../shaders/taa/temporal/recipe.wgsl"),
     include_str!("../../shaders/taa/temporal/reproject.wgsl"),
     include_str!("../../shaders/taa/temporal/filters.wgsl"),
+    include_str!("../../shaders/taa/temporal/upsample.wgsl"),
     include_str!("../../shaders/taa/temporal/neighbourhood.wgsl"),
     include_str!("../../shaders/taa/temporal/weight.wgsl"),
     include_str!("../../shaders/taa/temporal/output.wgsl"),
@@ -43,7 +45,7 @@ pub struct Builder<'a> {
     pub gpu: &'a Gpu,
     pub recipe: &'a Recipe,
     pub precision: Precision,
-    pub extent: Extent,
+    pub sizes: Sizes,
 }
 
 impl Builder<'_> {
@@ -70,9 +72,9 @@ impl Builder<'_> {
         }
     }
 
-    /// A 32-bit colour image the size of the frame.
-    pub fn color(&self, label: &str) -> Texture {
-        Texture::new(self.gpu, label, self.extent, TextureFormat::Rgba32Float)
+    /// A 32-bit colour image.
+    pub fn color(&self, label: &str, extent: Extent) -> Texture {
+        Texture::new(self.gpu, label, extent, TextureFormat::Rgba32Float)
     }
 }
 
@@ -116,9 +118,8 @@ impl Temporal {
     }
 
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
-        let Builder {
-            gpu, recipe, extent, ..
-        } = builder;
+        let Builder { gpu, recipe, .. } = builder;
+        let extent = builder.sizes.output;
         let compensation = needs_compensation(recipe)
             .then(|| Compensation::new(builder))
             .transpose()?;
@@ -140,7 +141,7 @@ impl Temporal {
             moments,
             edges,
             resolve,
-            sharpen: sharpen.map(|pass| (pass, builder.color("resolved"))),
+            sharpen: sharpen.map(|pass| (pass, builder.color("resolved", extent))),
             history: Carried::new(gpu, "history", extent, builder.history_format()),
             n_samples: Carried::new(gpu, "samples", counted, TextureFormat::R32Float),
             nothing: Texture::new(gpu, "nothing", unused, TextureFormat::Rgba32Float),
@@ -191,14 +192,14 @@ impl Temporal {
             )
             .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
             .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved))
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().output)?;
         recorder.record(&resolve);
         if let Some((sharpen, resolved)) = &self.sharpen {
             let sharpen = inputs
                 .bind_to(sharpen, recipe)
                 .bind("resolved", resolved)
                 .bind("shown", shown)
-                .over(recorder.gpu, inputs.extent())?;
+                .over(recorder.gpu, inputs.sizes().output)?;
             recorder.record(&sharpen);
         }
         Ok(())

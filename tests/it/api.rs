@@ -156,7 +156,7 @@ fn check_images(client: &Client, report: &Value, hash: &str) {
 
     client
         .get(&format!("{base}/depth.png"))
-        .is_problem(404, "not_found", None, "output, reference and error");
+        .is_problem(404, "not_found", None, "output, reference, error");
     client
         .get(&format!("{base}/error.png?max=0"))
         .is_problem(400, "bad_query", Some("max"), "above 0");

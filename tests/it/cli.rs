@@ -72,6 +72,23 @@ fn run_reports_in_json_what_it_promises() {
 }
 
 #[test]
+fn all_means_those_that_the_sequence_admits() {
+    let output = afterimage(&["run", "fixtures/upscale", "--preset", "all", "--json", "-"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let reports = report["reports"].as_array().unwrap();
+    assert_eq!(reports.len(), 1);
+    assert_eq!(reports[0]["preset"], "taau");
+    let note = text(&output.stderr);
+    assert!(
+        note.contains("`all` leaves out none, ") && note.contains("does not upscale"),
+        "{note}"
+    );
+    let refused = refuse(&["run", "fixtures/upscale", "--preset", "taau,inside"]);
+    assert!(refused.contains("`inside` does not upscale"), "{refused}");
+}
+
+#[test]
 fn run_writes_the_shown_frames() {
     let folder = tempfile::tempdir().unwrap();
     let images = folder.path().to_str().unwrap();
@@ -158,6 +175,32 @@ fn compare_says_no_to_bad_pixels() {
     let output = afterimage(&["compare", path, path]);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("16"), "the count of bad pixels");
+}
+
+#[test]
+fn compare_draws_maps_that_say_what_they_show() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = folder.path().to_str().unwrap();
+    let (reference, test) = ("fixtures/golden/base_ref.png", "fixtures/golden/blur3_test.png");
+    succeed(&["compare", reference, test, "--metrics", "flip,ssim", "--maps", maps]);
+    for (metric, white) in [("flip", "1"), ("ssim", "0")] {
+        let png = png::Decoder::new(std::io::BufReader::new(
+            std::fs::File::open(folder.path().join(format!("{metric}.png"))).unwrap(),
+        ));
+        let info = png.read_info().unwrap().info().clone();
+        let texts: Vec<_> = info
+            .uncompressed_latin1_text
+            .iter()
+            .map(|text| (&*text.keyword, &*text.text))
+            .collect();
+        assert!(
+            texts.contains(&("Metric", metric)) && texts.contains(&("White", white)),
+            "{texts:?}"
+        );
+        assert!(folder.path().join(format!("{metric}.exr")).is_file());
+    }
+    let complaint = refuse(&["compare", reference, test, "--metrics", "flicker", "--maps", maps]);
+    assert!(complaint.contains("`flicker`"), "{complaint}");
 }
 
 #[test]

@@ -3,11 +3,13 @@
 
 mod api;
 mod bad_input;
+mod checkerboard;
 mod cli;
 mod golden;
 mod gpu_sequences;
 mod gpu_vs_reference;
 mod images;
+mod masks;
 mod negative_controls;
 mod properties;
 mod run;
@@ -17,4 +19,5 @@ mod store;
 mod support;
 mod temporal;
 mod tidy;
+mod upsampling;
 mod web;

@@ -24,7 +24,7 @@ use tempfile::TempDir;
 #[allow(dead_code, reason = "the generator uses the rest")]
 mod scene;
 
-use scene::{ENGINE, PAN, STATIC, Sample, Scene, jitter_px};
+use scene::{ENGINE, PAN, STATIC, Sample, Scene, UPSCALE, jitter_px};
 
 pub const ALL: Channels = Channels {
     depth: true,
@@ -218,6 +218,48 @@ fn a_game_engines_conventions_load_as_the_same_scene() {
         assert_eq!(max_error(frame.reactive.as_ref().unwrap(), &ENGINE, t, reactive), 0.0);
         let unjittered = frame.unjittered_color.as_ref().unwrap();
         assert!(rgb_error(unjittered.at(20, 10), ENGINE.sample(t, [20.5, 10.5]).color) < HALF);
+    }
+}
+
+#[test]
+fn a_sequence_to_be_upscaled_loads_at_both_sizes() {
+    let sequence = open(&fixture("upscale"));
+    sequence.verify_files().unwrap();
+    for t in 0..16 {
+        let mut frame = sequence.load(t as usize, ALL).unwrap();
+        assert_jitter(&frame);
+        assert_eq!(frame.sizes().scale(), [2.0, 2.0]);
+        let color = max_error(&frame.color, &UPSCALE, t, |c, truth| rgb_error(c, truth.color));
+        assert!(color < HALF, "{t}: {color}");
+        assert!(max_error(frame.depth.as_ref().unwrap(), &UPSCALE, t, depth_error) < 1e-6);
+        let motion = frame.motion_px.as_ref().unwrap();
+        assert!(max_error(motion, &UPSCALE, t, motion_error) < 1e-6);
+        let at_texel = motion.at(20, 15);
+        let of_output = frame.take_output_motion_px().unwrap();
+        let reference = frame.reference.as_ref().unwrap();
+        assert!(rgb_error(reference.at(40, 30), PAN.reference(t, 40, 30)) < HALF);
+        assert_eq!(of_output.extent(), reference.extent());
+        assert_eq!(of_output.at(41, 31), at_texel.map(|m| 2.0 * m));
+    }
+}
+
+#[test]
+fn a_checkerboard_loads_as_the_scene_where_it_is_shaded() {
+    let sequence = open(&fixture("checkerboard"));
+    sequence.verify_files().unwrap();
+    for t in 0..4 {
+        let frame = sequence.load(t, ALL).unwrap();
+        let (depth, motion) = (frame.depth.as_ref().unwrap(), frame.motion_px.as_ref().unwrap());
+        for (x, y) in (0..48).flat_map(|x| (0..32).map(move |y| (x, y))) {
+            if (x + y) as usize % 2 == t % 2 {
+                let truth = ENGINE.sample(t as i64, [f64::from(x) + 0.5, f64::from(y) + 0.5]);
+                assert!(rgb_error(frame.color.at(x, y), truth.color) < HALF);
+                assert!(depth_error(depth.at(x, y), &truth) < 1e-6 && motion_error(motion.at(x, y), &truth) < 1e-6);
+            } else {
+                assert_eq!((frame.color.at(x, y), depth.at(x, y)), ([0.0; 3], SKY_DEPTH));
+                assert!(motion.at(x, y)[0].is_nan());
+            }
+        }
     }
 }
 

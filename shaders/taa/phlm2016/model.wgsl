@@ -147,7 +147,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let p = vec2i(id.xy);
-    let y = current_color(p);
+    let y = current_color(p, true);
     let s = surroundings(p);
     let at = reprojected(p);
     var z = fetch(color, p);

@@ -10,7 +10,7 @@ override WORKGROUP_Y: u32 = 8u;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(color))) {
+    if (any(id.xy >= textureDimensions(next_compensated))) {
         return;
     }
     let p = vec2i(id.xy);

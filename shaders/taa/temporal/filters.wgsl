@@ -3,6 +3,7 @@
 const INPUT_TEXEL: u32 = 0u;
 const INPUT_UNJITTER: u32 = 1u;
 const INPUT_BLACKMAN_HARRIS: u32 = 2u;
+const INPUT_UPSAMPLE: u32 = 3u;
 
 const HISTORY_NONE: u32 = 0u;
 const HISTORY_TEXEL: u32 = 1u;
@@ -14,7 +15,7 @@ const HISTORY_BFECC: u32 = 5u;
 // History prepared for `bfecc`. From 25 on are bindings of this file's own.
 @group(0) @binding(25) var compensated: texture_2d<f32>;
 
-fn current_color(p: vec2i) -> vec3f {
+fn current_color(p: vec2i, has_history: bool) -> vec3f {
     switch (input_filter) {
         case INPUT_UNJITTER: { return sample_bilinear(color, vec2f(p) + 0.5 - frame.jitter_px); }
         case INPUT_BLACKMAN_HARRIS: {
@@ -24,6 +25,7 @@ fn current_color(p: vec2i) -> vec3f {
             }
             return sum;
         }
+        case INPUT_UPSAMPLE: { return upsampled(p, has_history); }
         default: { return fetch(color, p); }
     }
 }

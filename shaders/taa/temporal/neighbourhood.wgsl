@@ -6,6 +6,7 @@ const NEIGHBOURHOOD_BOX3: u32 = 2u;
 const NEIGHBOURHOOD_ROUNDED: u32 = 3u;
 const NEIGHBOURHOOD_VARIANCE: u32 = 4u;
 const NEIGHBOURHOOD_SOBEL: u32 = 5u;
+const NEIGHBOURHOOD_SHRUNK: u32 = 6u;
 
 // Of variance_window² texels, where `prefilter_moments` is on. From 22 on are bindings of this file's own.
 @group(0) @binding(22) var window_means: texture_2d<f32>;
@@ -31,6 +32,10 @@ fn neighbour(p: vec2i, o: vec2i) -> vec3f {
         return to_space(sample_bilinear(color, vec2f(p + o) + 0.5 - frame.jitter_px));
     }
     return to_space(fetch(color, p + o));
+}
+
+fn empty_box() -> ColorBox {
+    return ColorBox(vec3f(F16_MAX), vec3f(-F16_MAX), vec3f(0.0));
 }
 
 fn extend(bounds: ColorBox, c: vec3f) -> ColorBox {
@@ -107,8 +112,9 @@ fn variance_box(p: vec2i) -> ColorBox {
     return ColorBox(select(lo, minmax.lo, empty), select(hi, minmax.hi, empty), d.mean);
 }
 
-// The box around `p`, whose current colour is `current`, in RGB, and whose history is `at`.
-fn color_box(p: vec2i, current: vec3f, at: Reprojection) -> ColorBox {
+// The box around the output pixel `output_pixel`, whose current colour is `current`, in RGB, and whose history is `at`.
+fn color_box(output_pixel: vec2i, current: vec3f, at: Reprojection) -> ColorBox {
+    let p = input_texel(output_pixel);
     var bounds: ColorBox;
     switch (neighbourhood) {
         case NEIGHBOURHOOD_CROSS: { bounds = cross_box(p); }
@@ -116,6 +122,7 @@ fn color_box(p: vec2i, current: vec3f, at: Reprojection) -> ColorBox {
         case NEIGHBOURHOOD_ROUNDED: { bounds = rounded_box(p); }
         case NEIGHBOURHOOD_VARIANCE: { bounds = variance_box(p); }
         case NEIGHBOURHOOD_SOBEL: { bounds = sobel_box(p, current, at); }
+        case NEIGHBOURHOOD_SHRUNK: { bounds = shrunk_box(output_pixel); }
         default: {}
     }
     if (chroma_from_luma) {

@@ -10,7 +10,7 @@ fn blur_along_motion(p: vec2i, resolved: vec3f, m: Motion) -> vec3f {
     }
     var sum = vec3f(0.0);
     for (var i = -3; i <= 3; i++) {
-        sum += sample_bilinear(color, vec2f(p) + 0.5 - frame.jitter_px + m.px * (f32(i) / 6.0));
+        sum += sample_bilinear(color, input_position(vec2f(p) + 0.5 + m.px * (f32(i) / 6.0)) - frame.jitter_px);
     }
     return mix(sum / 7.0, resolved, keep);
 }

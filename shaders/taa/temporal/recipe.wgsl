@@ -44,6 +44,10 @@ struct Frame {
     has_history: u32,
     // Distance of the far plane in units of depth, finite.
     far: f32,
+    // Of history and of what is shown, pixels; that of color unless the recipe upsamples.
+    output_size: vec2f,
+    // Where the frame is a checkerboard, x + y is even (0) or odd (1) in the texels that were shaded.
+    parity: u32,
 }
 
 // Current colour in the working domain, repaired; in alpha the luma of the unlit colour, for recipes that read it.

@@ -55,7 +55,9 @@ fn motion_at(p: vec2i) -> Motion {
     return Motion(p, px, valid, select(0.0, length2, valid));
 }
 
-fn dilated_motion(p: vec2i) -> Motion {
+// For an output pixel, in output pixels.
+fn dilated_motion(output_pixel: vec2i) -> Motion {
+    let p = input_texel(output_pixel);
     var best = 0;
     if (dilation == DILATION_CLOSEST) {
         var nearest = view_depth(p);
@@ -73,7 +75,15 @@ fn dilated_motion(p: vec2i) -> Motion {
             longest = max(longest, length2);
         }
     }
-    return motion_at(p + ring_offset(best));
+    return on_output(motion_at(p + ring_offset(best)));
+}
+
+fn on_output(m: Motion) -> Motion {
+    if (!upsamples()) {
+        return m;
+    }
+    let px = m.px * scale();
+    return Motion(m.texel, px, m.valid, select(0.0, dot(px, px), m.valid));
 }
 
 struct Reprojection {
@@ -88,15 +98,20 @@ fn reprojected(p: vec2i) -> Reprojection {
     if (!reproject) {
         return Reprojection(vec2f(p) + 0.5, Motion(), frame.has_history != 0u);
     }
-    let m = dilated_motion(p);
+    return reprojected_by(p, dilated_motion(p));
+}
+
+// Where `m` leads from the output pixel `p`.
+fn reprojected_by(p: vec2i, m: Motion) -> Reprojection {
     let q = vec2f(p) + 0.5 + m.px;
-    let is_outside = any(q < vec2f(0.0)) || any(q > vec2f(textureDimensions(color)));
+    let is_outside = any(q < vec2f(0.0)) || any(q > frame.output_size);
     var has_history = frame.has_history != 0u && m.valid && !is_outside;
     if (reject_depth && has_history) {
         has_history = depth_fits(m.texel, q);
     }
     if (reject_id && has_history) {
-        has_history = object_id_at(p) == textureLoad(previous_object_id, clamped(vec2i(floor(q))), 0).r;
+        let before = clamped(vec2i(floor(input_position(q))));
+        has_history = object_id_at(input_texel(p)) == textureLoad(previous_object_id, before, 0).r;
     }
     return Reprojection(q, m, has_history);
 }
@@ -104,7 +119,7 @@ fn reprojected(p: vec2i) -> Reprojection {
 // Whether one of the four previous depths around `q` is that of the surface at `texel`.
 fn depth_fits(texel: vec2i, q: vec2f) -> bool {
     let expected = view_depth(texel);
-    let corner = vec2i(floor(q - 0.5));
+    let corner = vec2i(floor(input_position(q) - 0.5));
     var error = abs(expected - previous_view_depth(corner));
     error = min(error, abs(expected - previous_view_depth(corner + vec2i(1, 0))));
     error = min(error, abs(expected - previous_view_depth(corner + vec2i(0, 1))));

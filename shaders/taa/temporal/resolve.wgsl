@@ -25,18 +25,19 @@ fn accumulated(p: vec2i, at: Reprojection, current: vec3f, n: f32) -> vec3f {
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(color))) {
+    if (any(id.xy >= textureDimensions(shown))) {
         return;
     }
     let p = vec2i(id.xy);
-    let current = current_color(p);
     var at = Reprojection();
     if (history_filter != HISTORY_NONE || motion_blur && sharpen == SHARPEN_NONE) {
         at = reprojected(p);
     }
+    let has_history = history_filter != HISTORY_NONE && at.has_history;
+    let current = current_color(p, has_history);
     var resolved = current;
     var n = 1.0;
-    if (history_filter != HISTORY_NONE && at.has_history) {
+    if (has_history) {
         if (counts_samples()) {
             n += fetch(n_samples, vec2i(floor(at.q))).r;
         }

@@ -43,7 +43,7 @@ fn contrast_limited_lobe(lo: vec3f, hi: vec3f) -> f32 {
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(color))) {
+    if (any(id.xy >= textureDimensions(shown))) {
         return;
     }
     let p = vec2i(id.xy);

@@ -25,8 +25,9 @@ fn blend_weight(p: vec2i, current: vec3f, rectified: vec3f, unrectified: vec3f, 
         case WEIGHT_AMORTIZED: { a = amortized(p, m.px, n); }
         default: {}
     }
+    a *= confidence(p);
     if (reactive) {
-        a = max(a, reactive_at(p));
+        a = max(a, reactive_at(input_texel(p)));
     }
     if (motion_weight) {
         a = max(a, saturate((motion_px - motion_weight_from_px) / (motion_weight_to_px - motion_weight_from_px)));

@@ -139,11 +139,7 @@ pub(super) fn sums(map: &Image<f32>, classes: Option<&Classes>) -> ByClass<Sums>
         }
     });
     let n = classes.map_or_else(|| mask::all(map.pixels().len()), |classes| classes.n_pixels);
-    std::array::from_fn(|class| {
-        let mut sums = Sums::default();
-        (sums.n, sums.terms[0]) = (n[class], totals[class]);
-        sums
-    })
+    std::array::from_fn(|class| Sums::new(n[class], [totals[class]]))
 }
 
 /// Of all pixels, and of those of each mask.
@@ -158,10 +154,7 @@ pub(super) fn percentiles_95(map: &Image<f32>, classes: Option<&Classes>) -> ByM
                 counted.map(|(flip, _)| *flip).collect()
             }
         };
-        let mut sums = Sums::default();
-        sums.n = sorted.len() as f64;
-        sums.terms[0] = percentile_95(&mut sorted);
-        sums
+        Sums::new(sorted.len() as f64, [percentile_95(&mut sorted)])
     })
 }
 

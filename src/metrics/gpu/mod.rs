@@ -187,7 +187,7 @@ impl GpuMetrics {
         timer.begin(recording.encoder);
         self.prepare(recording, &known, &frame)?;
         let presets = tests.iter().zip(&self.pasts);
-        let presets = presets.map(|(test, past)| Ok(self.record_preset(recording, &known, test, past)?));
+        let presets = presets.map(|(test, past)| self.record_preset(recording, &known, test, past));
         let mut recorded: Vec<Recorded> = presets.collect::<Result<_, GpuError>>()?;
         if let Some(flip) = &self.flip {
             let reference = || Picture::linear(Arc::clone(frame.reference), self.display);
@@ -202,12 +202,7 @@ impl GpuMetrics {
     }
 
     /// What follows from the frame's reference, for all presets.
-    fn prepare(
-        &mut self,
-        recording: &mut Recording,
-        known: &KnownFrame,
-        frame: &ScoredFrame,
-    ) -> Result<(), GpuError> {
+    fn prepare(&mut self, recording: &mut Recording, known: &KnownFrame, frame: &ScoredFrame) -> Result<(), GpuError> {
         self.references.advance(recording, &self.show, frame.reference)?;
         if known.follows {
             self.references.follow(recording, frame.motion_px)?;

@@ -148,16 +148,7 @@ impl Step {
 
 /// `totals` as the terms of `n` samples.
 pub fn sums<const N: usize>(n: ByClass<f64>, totals: [ByClass<f64>; N]) -> ByClass<Sums> {
-    std::array::from_fn(|class| {
-        let mut sums = Sums {
-            n: n[class],
-            ..Sums::default()
-        };
-        for (term, total) in sums.terms.iter_mut().zip(&totals) {
-            *term = total[class];
-        }
-        sums
-    })
+    std::array::from_fn(|class| Sums::new(n[class], totals.map(|by_class| by_class[class])))
 }
 
 /// Calls `f(x, index, ghost, blur)` for row `y`: the errors of luma that a ghost of the previous frame and a blur, the mean
@@ -174,10 +165,10 @@ fn for_each_pattern(
     let [above, here, below] = [row(y.saturating_sub(1)), row(y), row((y + 1).min(last))];
     let column = |x: usize| above[x] + here[x] + below[x];
     let (mut left, mut middle) = (column(0), column(0));
-    for x in 0..width {
+    for (x, value) in here.iter().enumerate() {
         let right = column((x + 1).min(width - 1));
         let i = y * width + x;
-        f(x, i, previous[i] - here[x], (left + middle + right) / 9.0 - here[x]);
+        f(x, i, previous[i] - value, (left + middle + right) / 9.0 - value);
         (left, middle) = (middle, right);
     }
 }

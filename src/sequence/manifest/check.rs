@@ -42,9 +42,13 @@ pub(super) fn check(manifest: &Manifest) -> Checked {
     size(manifest.render_size, "render_size")?;
     size(manifest.output_size, "output_size")?;
     positive(manifest.display.exposure, "display.exposure")?;
-    for (value, field) in [(&manifest.checkerboard, "checkerboard"), (&manifest.layers, "layers")] {
-        ensure(value.is_none(), field, || {
-            "not supported yet; leave it out or null".to_owned()
+    ensure(manifest.layers.is_none(), "layers", || {
+        "not supported yet; leave it out or null".to_owned()
+    })?;
+    if let Some(checkerboard) = &manifest.checkerboard {
+        let alternates = !checkerboard.parity.is_empty() && checkerboard.parity.iter().all(|parity| *parity <= 1);
+        ensure(alternates, "checkerboard.parity", || {
+            "must be a list of 0 and 1, one a frame, repeated; such as [0, 1]".to_owned()
         })?;
     }
     colors(manifest)?;

@@ -280,6 +280,21 @@ pub enum JitterMeaning {
     ProjectionOffset,
 }
 
+/// Frames that shade every other pixel, two opposing ones of each 2×2.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Checkerboard {
+    /// A number a frame, over and over: 0 where the frame shades the pixels whose x + y is even, 1 where odd.
+    pub parity: Vec<u32>,
+}
+
+impl Checkerboard {
+    /// The parity of the frame at `index`.
+    pub fn parity_of(&self, index: usize) -> u32 {
+        self.parity[index % self.parity.len()]
+    }
+}
+
 /// Files of one channel.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -90,7 +90,11 @@ fn each_wrong_value_is_named() {
             json!({"exposure": -1, "tonemap": "none"}),
             "display.exposure: -1 must be",
         ),
-        ("/checkerboard", json!({}), "checkerboard: not supported"),
+        (
+            "/checkerboard",
+            json!({"parity": []}),
+            "checkerboard.parity: must be a list",
+        ),
         ("/layers", json!([]), "layers: not supported"),
         ("/frames", json!([]), "frames: is empty"),
         ("/frames/1/index", json!(2), "frames[1].index: 2 must be 1"),

@@ -11,6 +11,8 @@ pub enum Algorithm {
     Temporal,
     /// Fits a linear model to each pixel's past. Uses none of box, rectification and weight.
     Phlm2016,
+    /// Fills the pixels that a checkerboard leaves out from history. Its box is that of the shaded neighbours; uses no weight.
+    Checkerboard,
 }
 
 /// Which texel's motion vector a pixel uses, over the 3×3 around it.
@@ -35,6 +37,9 @@ pub enum InputFilter {
     Unjitter,
     /// A Gaussian fit of the Blackman-Harris window over 3×3 samples, `exp(-2.29 d²)`.
     BlackmanHarris,
+    /// The same kernel in pixels of the output, which may have up to 4 times as many along each axis; the weight falls with
+    /// the distance of the nearest sample.
+    Upsample,
 }
 
 /// How history is read at the reprojected position.
@@ -82,6 +87,8 @@ pub enum Neighbourhood {
     Variance,
     /// As wide as edges, depths and objects around the pixel say that it is aliased.
     Sobel,
+    /// Minimum and maximum of the samples within 1.5 output pixels, and of the four that surround the pixel's centre.
+    Shrunk,
 }
 
 /// What is done to history outside the box.

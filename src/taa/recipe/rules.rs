@@ -1,6 +1,8 @@
 //! What a recipe's parameters must be: whether a rule holds, the parameter that breaks it, and what would be right.
 
-use super::{Algorithm, Domain, HistoryFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight};
+use super::{
+    Algorithm, Dilation, Domain, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight,
+};
 
 type Rule = (bool, &'static str, &'static str);
 
@@ -49,7 +51,6 @@ pub fn ranges(recipe: &Recipe) -> Vec<Rule> {
 /// Of parameters together.
 pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
     let has_box = recipe.neighbourhood != Neighbourhood::None;
-    let is_temporal = recipe.algorithm == Algorithm::Temporal;
     vec![
         (
             !recipe.prefilter_moments
@@ -58,19 +59,14 @@ pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
             "needs the neighbourhood `variance`, without `unjitter_neighbourhood`",
         ),
         (
+            !recipe.unjitter_neighbourhood || recipe.neighbourhood != Neighbourhood::Shrunk,
+            "unjitter_neighbourhood",
+            "needs a neighbourhood other than `shrunk`, which knows where the samples lie",
+        ),
+        (
             !recipe.chroma_from_luma || recipe.space == Space::Ycocg,
             "chroma_from_luma",
             "needs the space `ycocg`",
-        ),
-        (
-            is_temporal || !recipe.motion_blur && recipe.sharpen == Sharpen::None,
-            "algorithm",
-            "only `temporal` has `sharpen` and `motion_blur`",
-        ),
-        (
-            is_temporal || recipe.reproject && recipe.history_filter != HistoryFilter::None,
-            "algorithm",
-            "only `temporal` can do without reprojected history",
         ),
         (
             recipe.sharpen != Sharpen::Rcas || recipe.domain == Domain::Tonemapped,
@@ -96,6 +92,40 @@ pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
     ]
 }
 
+/// Of what an algorithm can do.
+pub fn algorithms(recipe: &Recipe) -> Vec<Rule> {
+    let is_temporal = recipe.algorithm == Algorithm::Temporal;
+    vec![
+        (
+            is_temporal || !recipe.motion_blur && recipe.sharpen == Sharpen::None,
+            "algorithm",
+            "only `temporal` has `sharpen` and `motion_blur`",
+        ),
+        (
+            is_temporal || recipe.reproject && recipe.history_filter != HistoryFilter::None,
+            "algorithm",
+            "only `temporal` can do without reprojected history",
+        ),
+        (
+            recipe.input_filter != InputFilter::Upsample
+                || is_temporal && recipe.neighbourhood != Neighbourhood::Sobel && recipe.weight != Weight::Amortized,
+            "input_filter",
+            "`upsample` needs the algorithm `temporal`, a neighbourhood other than `sobel` and a weight other than \
+             `amortized`",
+        ),
+        (
+            recipe.algorithm != Algorithm::Checkerboard
+                || recipe.dilation != Dilation::None
+                    && recipe.history_filter != HistoryFilter::Bfecc
+                    && recipe.rectify != Rectify::Hull
+                    && !(recipe.reject_depth || recipe.reject_id),
+            "algorithm",
+            "`checkerboard` needs dilation, for half of its pixels have no vector of their own, and has neither `bfecc`, \
+             `hull`, `reject_depth` nor `reject_id`",
+        ),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use crate::taa::Preset;
@@ -114,6 +144,15 @@ mod tests {
         assert_eq!(refused("ema", "chroma_from_luma", true.into()), "chroma_from_luma");
         assert_eq!(refused("inside", "prefilter_moments", true.into()), "prefilter_moments");
         assert_eq!(refused("inside", "reproject", false.into()), "reproject");
+        assert_eq!(
+            refused("taau", "unjitter_neighbourhood", true.into()),
+            "unjitter_neighbourhood"
+        );
+        assert_eq!(refused("taau", "neighbourhood", "sobel".into()), "input_filter");
+        assert_eq!(refused("amortized", "input_filter", "upsample".into()), "input_filter");
+        assert_eq!(refused("phlm2016", "input_filter", "upsample".into()), "input_filter");
+        assert_eq!(refused("checkerboard", "dilation", "none".into()), "algorithm");
+        assert_eq!(refused("checkerboard", "reject_id", true.into()), "algorithm");
         assert_eq!(refused("phlm2016", "motion_blur", true.into()), "algorithm");
         assert_eq!(refused("phlm2016", "history_filter", "none".into()), "algorithm");
         assert_eq!(refused("ema", "rectify", "hull".into()), "rectify");

@@ -1,6 +1,7 @@
 //! The CPU twin: every recipe, written for clarity in the order of the pipeline, generic over f32 and f64. In f64 it is
 //! the measure that the GPU's numbers are held against; it shares no code with the GPU's path but the recipe.
 
+mod checkerboard;
 pub mod color;
 mod hull;
 mod neighbourhood;
@@ -11,14 +12,19 @@ mod rectify;
 mod reproject;
 mod sampling;
 mod sobel2018;
+mod upsample;
 mod weight;
 
 use super::{
     Precision, Recipe, Source,
     recipe::{Algorithm, HdrWeight, HistoryFilter, InputFilter, Rectify},
 };
-use crate::{image::Image, sequence::Frame};
+use crate::{
+    image::Image,
+    sequence::{Frame, Sizes},
+};
 use color::{Color, F16_MAX};
+use neighbourhood::ColorBox;
 use real::Real;
 use reproject::Reprojected;
 use sampling::{bilinear, containing};
@@ -82,8 +88,10 @@ impl<R: Real> Twin<R> {
     /// Resolves the next frame.
     ///
     /// # Panics
-    /// When the frame lacks a channel of [`Recipe::required_channels`].
+    /// When the frame lacks a channel of [`Recipe::required_channels`] or the parity that the recipe needs, or [`Recipe::check_sizes`] refuses its sizes.
     pub fn resolve(&mut self, frame: &Frame) -> Resolved<R> {
+        let sizes = frame.sizes();
+        self.recipe.check_sizes(sizes).expect("validated with the sequence");
         let source = match (self.recipe.source, &frame.unjittered_color) {
             (Source::UnjitteredIfPresent, Some(unjittered)) => unjittered,
             _ => &frame.color,
@@ -95,6 +103,8 @@ impl<R: Real> Twin<R> {
         let pixels = Pixels {
             recipe: &self.recipe,
             frame,
+            sizes,
+            scale: sizes.scale().map(R::new),
             jitter_px,
             input_weights: blackman_harris(jitter_px),
             color: &prepared.color,
@@ -106,6 +116,7 @@ impl<R: Real> Twin<R> {
         let resolved = match self.recipe.algorithm {
             Algorithm::Temporal => pixels.temporal(&prepared.unlit_luma),
             Algorithm::Phlm2016 => pixels.phlm(),
+            Algorithm::Checkerboard => pixels.checkerboard(),
         };
         let shown = resolved.shown.map(|color| color.from_domain(self.recipe.domain).0);
         let mut left = resolved.left;
@@ -137,6 +148,9 @@ struct Outcome<R> {
 struct Pixels<'a, R> {
     recipe: &'a Recipe,
     frame: &'a Frame,
+    sizes: Sizes,
+    /// Output pixels for an input pixel.
+    scale: [R; 2],
     jitter_px: [R; 2],
     /// Weights of the 3×3 input filter, in the order of [`RING`].
     input_weights: [R; 9],
@@ -164,10 +178,11 @@ impl<R: Real> Pixels<'_, R> {
         if self.recipe.finds_differences() {
             self.differences = Some(Image::from_fn(extent, |x, y| self.difference([x.into(), y.into()])));
         }
-        let sampled = Image::from_fn(extent, |x, y| self.resolve([x.into(), y.into()]));
+        let output = self.sizes.output;
+        let sampled = Image::from_fn(output, |x, y| self.resolve([x.into(), y.into()]));
         let history = sampled.map(|(color, _)| color);
         Outcome {
-            shown: Image::from_fn(extent, |x, y| self.output([x.into(), y.into()], &history)),
+            shown: Image::from_fn(output, |x, y| self.output([x.into(), y.into()], &history)),
             left: Previous {
                 history,
                 n_samples: sampled.map(|(_, n)| n),
@@ -181,11 +196,11 @@ impl<R: Real> Pixels<'_, R> {
 
     /// The next history at `p`, unrounded, and how many samples it holds.
     fn resolve(&self, p: [i64; 2]) -> (Color<R>, R) {
-        let current = self.current(p);
         let reprojected = match (self.recipe.history_filter, self.previous) {
             (HistoryFilter::None, _) | (_, None) => None,
             (_, Some(previous)) => self.reproject(p).map(|at| (at, previous)),
         };
+        let current = self.current(p, reprojected.is_some());
         let (resolved, n_samples) = match reprojected {
             None => (current, R::new(1.0)),
             Some((at, previous)) => {
@@ -197,9 +212,10 @@ impl<R: Real> Pixels<'_, R> {
         (resolved.min(Color::splat(F16_MAX)), n_samples)
     }
 
-    /// The current colour at `p` through the input filter.
-    fn current(&self, [x, y]: [i64; 2]) -> Color<R> {
+    /// The current colour at `p` through the input filter, which may look at whether there is history.
+    fn current(&self, [x, y]: [i64; 2], has_history: bool) -> Color<R> {
         match self.recipe.input_filter {
+            InputFilter::Upsample => self.upsampled([x, y], has_history),
             InputFilter::Texel => self.color.clamped(x, y),
             InputFilter::Unjitter => bilinear(self.color, self.unjittered(x, y)),
             InputFilter::BlackmanHarris => {
@@ -236,17 +252,7 @@ impl<R: Real> Pixels<'_, R> {
         let bounds = self.color_box(p, current);
         let rectified = match &bounds {
             None => unrectified,
-            Some(bounds) => {
-                let [history, towards] = [unrectified, current].map(|c| c.to_space(recipe.space));
-                let rectified = match recipe.rectify {
-                    Rectify::None => history,
-                    Rectify::Clamp => history.clamp(bounds.lo, bounds.hi),
-                    Rectify::ClipCentre => rectify::clip_centre(history, bounds, recipe.domain),
-                    Rectify::ClipCurrent => rectify::clip_current(history, towards, bounds),
-                    Rectify::Hull => hull::clip(history, towards, self.ring(p).map(|c| c.to_space(recipe.space))),
-                };
-                rectified.from_space(recipe.space)
-            }
+            Some(bounds) => self.rectified(p, unrectified, current, bounds),
         };
         let blended = Blended {
             current,
@@ -264,6 +270,23 @@ impl<R: Real> Pixels<'_, R> {
                 (rectified * of_history + current * of_current) * (one / (of_history + of_current))
             }
         }
+    }
+
+    /// History, or what is left of it, against the box around `p`. All RGB but the box.
+    fn rectified(&self, p: [i64; 2], history: Color<R>, current: Color<R>, bounds: &ColorBox<R>) -> Color<R> {
+        let recipe = self.recipe;
+        let [history, towards] = [history, current].map(|c| c.to_space(recipe.space));
+        let rectified = match recipe.rectify {
+            Rectify::None => history,
+            Rectify::Clamp => history.clamp(bounds.lo, bounds.hi),
+            Rectify::ClipCentre => rectify::clip_centre(history, bounds, recipe.domain),
+            Rectify::ClipCurrent => rectify::clip_current(history, towards, bounds),
+            Rectify::Hull => {
+                let ring = self.ring(self.input_texel(p));
+                hull::clip(history, towards, ring.map(|c| c.to_space(recipe.space)))
+            }
+        };
+        rectified.from_space(recipe.space)
     }
 }
 

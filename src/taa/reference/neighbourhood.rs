@@ -23,8 +23,9 @@ impl<R: Real> Pixels<'_, R> {
     /// The box around pixel `p`, whose current colour is `current` (RGB), or none where the recipe has none.
     pub fn color_box(&self, p: [i64; 2], current: Color<R>) -> Option<ColorBox<R>> {
         let recipe = self.recipe;
+        let under = self.input_texel(p);
         let texel = |[i, j]: [i64; 2]| {
-            let [x, y] = [p[0] + i, p[1] + j];
+            let [x, y] = [under[0] + i, under[1] + j];
             let rgb = if recipe.unjitter_neighbourhood {
                 bilinear(self.color, self.unjittered(x, y))
             } else {
@@ -49,6 +50,7 @@ impl<R: Real> Pixels<'_, R> {
                 }
             }
             Neighbourhood::Sobel => self.sobel_box(p, current.to_space(recipe.space), cross(), box3()),
+            Neighbourhood::Shrunk => minmax(self.near_samples(p).map(|c| c.to_space(recipe.space))),
         };
         Some(if recipe.chroma_from_luma {
             bounds.narrow_chroma(current.to_space(recipe.space))

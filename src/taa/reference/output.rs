@@ -50,11 +50,14 @@ impl<R: Real> Pixels<'_, R> {
         if keep == c(1.0) {
             return resolved;
         }
-        let [x, y] = self.unjittered(p[0], p[1]);
         let mut sum = Color::default();
         for i in -3..=3 {
             let t = c(f64::from(i) / 6.0);
-            sum = sum + bilinear(self.color, [x + motion.px[0] * t, y + motion.px[1] * t]);
+            let along = [0, 1].map(|axis| {
+                let position = c(p[axis] as f64 + 0.5) + motion.px[axis] * t;
+                position / self.scale[axis] - self.jitter_px[axis]
+            });
+            sum = sum + bilinear(self.color, along);
         }
         Color::mix(sum * c(1.0 / 7.0), resolved, keep)
     }

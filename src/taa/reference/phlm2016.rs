@@ -109,7 +109,7 @@ impl<R: Real> Pixels<'_, R> {
             {
                 n_samples = n_before + R::new(1.0);
                 let mean = before.at(x, y).shown;
-                fitted.shown = Color::mix(mean, self.current(p), R::new(1.0) / n_samples);
+                fitted.shown = Color::mix(mean, self.current(p, true), R::new(1.0) / n_samples);
             }
             (feature, fitted, n_samples)
         });
@@ -134,7 +134,7 @@ impl<R: Real> Pixels<'_, R> {
 
     /// The pixel's feature, its model after this frame, and what that predicts.
     fn fitted(&self, p: [i64; 2]) -> (Color<R>, Fitted<R>) {
-        let y = self.current(p);
+        let y = self.current(p, true);
         let texels = self.ring(p);
         let bounds = minmax(texels.into_iter());
         let models = self.previous.and_then(|previous| previous.models.as_ref());

@@ -45,6 +45,7 @@ impl<R: Real> Pixels<'_, R> {
             Weight::Count => (c(1.0) / n_samples).max(c(recipe.count_weight_min)),
             Weight::Amortized => self.amortized(p, motion, n_samples),
         };
+        let weight = weight * self.confidence(p);
         let weight = if recipe.reactive {
             weight.max(self.reactive(p))
         } else {
@@ -91,12 +92,13 @@ impl<R: Real> Pixels<'_, R> {
     }
 
     /// Within 0 to 1; what is not finite counts as 0.
-    fn reactive(&self, [x, y]: [i64; 2]) -> R {
+    fn reactive(&self, p: [i64; 2]) -> R {
         let mask = self
             .frame
             .reactive
             .as_ref()
             .expect("validated: the recipe needs a mask");
+        let [x, y] = self.input_texel(p);
         let value = mask.clamped(x, y);
         R::new(if value.is_finite() { f64::from(value) } else { 0.0 }).saturate()
     }

@@ -27,8 +27,8 @@ impl Compensation {
         builder.gpu.scope("making room for compensated history", || Self {
             advect,
             compensate,
-            advected: builder.color("advected"),
-            compensated: builder.color("compensated"),
+            advected: builder.color("advected", builder.sizes.output),
+            compensated: builder.color("compensated", builder.sizes.output),
         })
     }
 
@@ -43,14 +43,14 @@ impl Compensation {
             .bind_to(&self.advect, recipe)
             .bind("history", history)
             .bind("advected", &self.advected)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().output)?;
         recorder.record(&advect);
         let compensate = inputs
             .bind_to(&self.compensate, recipe)
             .bind("history", history)
             .bind("advected", &self.advected)
             .bind("next_compensated", &self.compensated)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().output)?;
         recorder.record(&compensate);
         Ok(())
     }

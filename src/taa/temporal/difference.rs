@@ -27,8 +27,8 @@ impl Difference {
         builder.gpu.scope("making room for differences", || Self {
             of_pixel,
             of_row,
-            pixels: builder.color("difference"),
-            rows: builder.color("difference rows"),
+            pixels: builder.color("difference", builder.sizes.render),
+            rows: builder.color("difference rows", builder.sizes.render),
         })
     }
 
@@ -45,13 +45,13 @@ impl Difference {
             .bind("history", history)
             .bind("compensated", compensated)
             .bind("difference", &self.pixels)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().render)?;
         recorder.record(&of_pixel);
         let of_row = self
             .of_row
             .bind("difference", &self.pixels)
             .bind("rows", &self.rows)
-            .over(recorder.gpu, inputs.extent())?;
+            .over(recorder.gpu, inputs.sizes().render)?;
         recorder.record(&of_row);
         Ok(())
     }

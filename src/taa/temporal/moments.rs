@@ -31,8 +31,8 @@ impl Moments {
         let along_rows = builder.pass(rows, MOMENTS, &[("vertical", 0.0)])?;
         let along_columns = builder.pass(columns, MOMENTS, &[("vertical", 1.0)])?;
         let distribution = || Distribution {
-            means: builder.color("means"),
-            variances: builder.color("variances"),
+            means: builder.color("means", builder.sizes.render),
+            variances: builder.color("variances", builder.sizes.render),
         };
         builder.gpu.scope("making room for moments", || Self {
             along_rows,
@@ -43,7 +43,7 @@ impl Moments {
     }
 
     pub fn record(&self, recorder: &mut Recorder<'_>, recipe: &Recipe, inputs: &Inputs) -> Result<(), GpuError> {
-        let Extent { width, height } = inputs.extent();
+        let Extent { width, height } = inputs.sizes().render;
         let n = recipe.variance_window;
         // The pass over rows reads none, but a texture that is written may not be bound for reading as well.
         let rows = inputs

@@ -1,5 +1,6 @@
 //! What several subjects share: one GPU a process, made-up frames, and a resolver run to images.
 
+pub mod agreement;
 pub mod service;
 
 use afterimage::{
@@ -94,6 +95,8 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         reset: index == 20,
         jitter_px: [halton(2), halton(3)],
         far: 100.0,
+        output_size: extent,
+        parity: Some(index as u32 % 2),
         color,
         depth: Some(depth),
         motion_px: Some(motion),
@@ -115,15 +118,15 @@ pub fn resolve_on_gpu(
     let pool = ReadbackPool::default();
     let mut frames = frames.peekable();
     let first = frames.peek().expect("a frame");
-    let (extent, optional) = (first.extent(), recipe.optional_channels());
+    let (sizes, optional) = (first.sizes(), recipe.optional_channels());
     let channels = recipe.required_channels().union(Channels {
         albedo: optional.albedo && first.albedo.is_some(),
         object_id: optional.object_id && first.object_id.is_some(),
         ..Channels::default()
     });
     let wanted = BTreeSet::from([recipe.preparation()]);
-    let mut inputs = Inputs::new(gpu, extent, channels, &wanted).unwrap();
-    let mut resolver = Resolver::new(gpu, recipe.clone(), precision, extent).unwrap();
+    let mut inputs = Inputs::new(gpu, sizes, channels, &wanted).unwrap();
+    let mut resolver = Resolver::new(gpu, recipe.clone(), precision, sizes).unwrap();
     let mut timer = Timer::new(gpu, 1 + recipe.passes().len() as u32);
     frames
         .map(|frame| {
@@ -148,7 +151,10 @@ pub fn resolve_on_gpu(
                 recipe.passes()
             );
             let n_repaired = readback.bytes(count).unwrap()[..4].try_into().map(u32::from_le_bytes);
-            (readback.rgb(shown, extent).unwrap(), u64::from(n_repaired.unwrap()))
+            (
+                readback.rgb(shown, sizes.output).unwrap(),
+                u64::from(n_repaired.unwrap()),
+            )
         })
         .collect()
 }
