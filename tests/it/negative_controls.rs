@@ -40,6 +40,9 @@ fn on_gpu() -> impl FnMut(&Image<Rgb>, &Image<Rgb>) -> FrameScores {
     move |reference, test| device.score(&Arc::new(reference.clone()), test, None, true)
 }
 
+/// Scores a reference and a test image.
+type Score = dyn FnMut(&Image<Rgb>, &Image<Rgb>) -> FrameScores;
+
 /// The golden comparison is only worth something if it can say no.
 #[test]
 fn the_golden_comparison_tells_pairs_apart() {
@@ -83,7 +86,7 @@ fn a_shift_by_one_pixel_is_seen_by_every_metric() {
     let shifted = Image::from_fn(EXTENT, |x, y| picture.clamped(i64::from(x) - 1, i64::from(y)));
     let mut on_gpu = on_gpu();
     let mut on_cpu = on_cpu;
-    let both: [&mut dyn FnMut(&Image<Rgb>, &Image<Rgb>) -> FrameScores; 2] = [&mut on_cpu, &mut on_gpu];
+    let both: [&mut Score; 2] = [&mut on_cpu, &mut on_gpu];
     for scores in both {
         let (right, wrong) = (scores(&picture, &noisy(0.02)), scores(&picture, &shifted));
         for metric in metrics_for(EXTENT) {

@@ -172,7 +172,9 @@ impl GpuMetrics {
         frame: ScoredFrame,
         tests: &[&Texture],
     ) -> Result<Vec<Recorded>, GpuMetricError> {
-        for extent in tests.iter().map(|test| test.extent()).chain([frame.reference.extent()]) {
+        let motion = frame.motion_px.map(Image::extent);
+        let images = [frame.reference.extent()].into_iter().chain(motion);
+        for extent in tests.iter().map(|test| test.extent()).chain(images) {
             check_sizes(&[], self.extent, extent)?;
         }
         let follows = frame.follows && self.has_previous;
