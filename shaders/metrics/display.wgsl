@@ -47,14 +47,3 @@ fn srgb_encode(x: vec3f) -> vec3f {
     let root = cube_root(max(x, vec3f(0.0031308)));
     return select(1.055 * (root * sqrt(sqrt(root))) - 0.055, 12.92 * x, x <= vec3f(0.0031308));
 }
-
-// Dividing the bits by three divides the exponent by three, which is right to 6 %; each of Halley's steps cubes the
-// error, so two reach f32. Needs normal x > 0.
-fn cube_root(x: vec3f) -> vec3f {
-    var root = bitcast<vec3f>(bitcast<vec3u>(x) / 3u + vec3u(0x2a514067u));
-    for (var step = 0; step < 2; step++) {
-        let cube = root * root * root;
-        root = root * (cube + 2.0 * x) / (2.0 * cube + x);
-    }
-    return root;
-}

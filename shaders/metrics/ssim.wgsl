@@ -1,16 +1,21 @@
-// Structural similarity summed over 16×16 windows, the f32 twin of src/metrics/ssim.rs, which derives the form in
-// S = T + R and D = T − R. A workgroup reads the 26×26 pixels under its windows once, filters their columns, then rows.
+// Structural similarity summed over 16×16 windows by the class of the pixel in their middle, the f32 twin of
+// src/metrics/ssim.rs, which derives the form in S = T + R and D = T − R. A workgroup reads the 26×26 pixels under its
+// windows once, filters their columns, then rows.
 
 const TILE: u32 = 16u;
 const GROUP: u32 = TILE * TILE;
 const HALF: u32 = 5u;
 const INPUT: u32 = TILE + 2u * HALF;
 
-// Which values are compared: see `Domain` in src/metrics/mod.rs.
+// Which values are compared: see `Domain` in src/metrics/quantity.rs.
 const DISPLAY: u32 = 0u;
 const LUMA: u32 = 1u;
 const U8: u32 = 2u;
 override values: u32;
+
+// What is compared: see `Part` in src/metrics/ssim.rs.
+const WHOLE: u32 = 0u;
+override part: u32;
 
 // The window's weights by distance from its centre, and the constants of the index.
 override w0: f32;
@@ -24,15 +29,15 @@ override c2: f32;
 
 @group(0) @binding(0) var reference_shown: texture_2d<f32>;
 @group(0) @binding(1) var test_shown: texture_2d<f32>;
-// Channel after channel of each workgroup.
-@group(0) @binding(2) var<storage, read_write> partial_sums: array<f32>;
+// The index times the window's share of a class, and that share: channel after channel of each workgroup.
+@group(0) @binding(2) var<storage, read_write> partial_sums: array<array<vec2f, N_CLASSES>>;
 
 // S and D less their values at the middle of the tile. Variances do not change by that, and no longer come out as the
 // small difference of two large numbers.
 var<workgroup> tile: array<array<vec2f, INPUT>, INPUT>;
 // S, D, S² and D² filtered along y.
 var<workgroup> columns: array<array<vec4f, INPUT>, TILE>;
-var<workgroup> sums: array<f32, GROUP>;
+var<workgroup> sums: array<vec2f, GROUP>;
 
 @compute @workgroup_size(TILE, TILE)
 fn main(
@@ -56,16 +61,23 @@ fn main(
             columns[i / INPUT][i % INPUT] = filter_column(i % INPUT, i / INPUT);
         }
         workgroupBarrier();
-        sums[lane] = select(0.0, index(filter_row(local.x, local.y), middle), is_window);
-        for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-            workgroupBarrier();
-            if (lane < half) {
-                sums[lane] += sums[lane + half];
+        let value = index(filter_row(local.x, local.y), middle);
+        let group = workgroup.y * n_workgroups.x + workgroup.x;
+        for (var kind = 0u; kind < N_CLASSES; kind++) {
+            sums[lane] = vec2f(0.0);
+            if (is_window) {
+                sums[lane] = share_of(origin + local.xy + HALF, kind) * vec2f(value, 1.0);
             }
-        }
-        if (lane == 0u) {
-            let group = workgroup.y * n_workgroups.x + workgroup.x;
-            partial_sums[group * n_channels + channel] = sums[0];
+            for (var half = GROUP / 2u; half > 0u; half /= 2u) {
+                workgroupBarrier();
+                if (lane < half) {
+                    sums[lane] += sums[lane + half];
+                }
+            }
+            if (lane == 0u) {
+                partial_sums[group * n_channels + channel][kind] = sums[0];
+            }
+            workgroupBarrier();
         }
     }
 }
@@ -112,8 +124,11 @@ fn filter_row(x: u32, y: u32) -> vec4f {
 
 fn index(filtered: vec4f, middle: vec2f) -> f32 {
     let variance = filtered.zw - filtered.xy * filtered.xy;
+    let contrast = (variance.x - variance.y + 2.0 * c2) / (variance.x + variance.y + 2.0 * c2);
+    if (part != WHOLE) {
+        return contrast;
+    }
     let mean = filtered.xy + middle;
     let luminance = mean * mean;
-    return (luminance.x - luminance.y + 2.0 * c1) * (variance.x - variance.y + 2.0 * c2)
-        / ((luminance.x + luminance.y + 2.0 * c1) * (variance.x + variance.y + 2.0 * c2));
+    return (luminance.x - luminance.y + 2.0 * c1) / (luminance.x + luminance.y + 2.0 * c1) * contrast;
 }

@@ -63,6 +63,39 @@ impl Timer {
         })
     }
 
+    /// Marks where passes begin that are timed as one.
+    ///
+    /// # Panics
+    /// As [`Timer::time`].
+    pub fn begin(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        assert!(
+            self.queries.is_none() || self.n_timed < self.capacity,
+            "more passes than the timer holds"
+        );
+        self.mark(encoder, Some(2 * self.n_timed), None);
+    }
+
+    /// Marks where they end.
+    pub fn end(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        self.mark(encoder, None, Some(2 * self.n_timed + 1));
+        self.n_timed += u32::from(self.queries.is_some());
+    }
+
+    /// Timestamps belong to passes, so an empty one carries it.
+    fn mark(&self, encoder: &mut wgpu::CommandEncoder, beginning: Option<u32>, end: Option<u32>) {
+        let Some(queries) = &self.queries else {
+            return;
+        };
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("time"),
+            timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                query_set: &queries.set,
+                beginning_of_pass_write_index: beginning,
+                end_of_pass_write_index: end,
+            }),
+        });
+    }
+
     /// Copies the timestamps into `readback`, ends this submission's timing, and returns how to read them.
     pub fn finish(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Times {
         let n_queries = 2 * std::mem::take(&mut self.n_timed);

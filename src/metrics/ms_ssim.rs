@@ -14,7 +14,7 @@ use crate::image::{Extent, Image};
 use rayon::prelude::*;
 use std::ops::Range;
 
-const N_SCALES: usize = 5;
+pub(super) const N_SCALES: usize = 5;
 /// Of each scale, from the finest on.
 const WEIGHTS: [f64; N_SCALES] = [0.0448, 0.2856, 0.3001, 0.2363, 0.1333];
 

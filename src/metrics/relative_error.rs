@@ -3,9 +3,9 @@
 use super::{Better, MetricInfo, metric::Definition, quantity::Quantity};
 
 /// Added to R²: keeps dark pixels from dividing by nothing.
-const REL_MSE_FLOOR: f64 = 0.01;
+pub(super) const REL_MSE_FLOOR: f64 = 0.01;
 /// Added to |T| + |R|.
-const SMAPE_FLOOR: f64 = 1e-3;
+pub(super) const SMAPE_FLOOR: f64 = 1e-3;
 
 pub(super) const REL_MSE: Definition = Definition {
     info: MetricInfo {

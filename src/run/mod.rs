@@ -57,7 +57,7 @@ pub enum MetricsOn {
     Auto,
     /// On the CPU, in f64.
     Cpu,
-    /// On the adapter, in f32; those it does not know on the CPU.
+    /// On the adapter, in f32.
     Gpu,
 }
 

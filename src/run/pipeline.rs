@@ -11,15 +11,14 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, Readback, ReadbackPool, Timer},
-    metrics::{
-        Metric,
-        gpu::{GpuMetrics, Recorded, computes},
-    },
-    sequence::{Frame, Sequence, SequenceError},
+    image::Image,
+    metrics::gpu::{GpuMetrics, Recorded, Recording, ScoredFrame},
+    sequence::{Frame, Sequence, SequenceError, frame::Rgb},
     taa::{Inputs, Repeat, Resolver},
 };
 use rayon::prelude::*;
 use std::{
+    sync::Arc,
     sync::mpsc::{Receiver, SyncSender, sync_channel},
     thread::{self, ScopedJoinHandle},
     time::Instant,
@@ -50,11 +49,11 @@ pub fn run(
         let (keep, kept) = sync_channel(plan.systems.len());
         let keep = observer.wants_output().then_some(keep);
         let writer = scope.spawn(move || write(&kept, observer));
-        let (on_device, on_host) = split_metrics(plan, spec, gpu);
-        let reads_images = observer.wants_output() || on_device.is_empty() || !on_host.is_empty();
+        let on_device = scores_on_device(spec, gpu) && !plan.metrics.is_empty();
+        let reads_images = observer.wants_output() || !on_device;
         let scorer =
-            scope.spawn(move || Scorer::new(plan, on_host, sequence, gpu, observer, keep).score_all(&submitted));
-        let resolved = Stage::new(plan, spec, sequence, gpu, &on_device, reads_images)
+            scope.spawn(move || Scorer::new(plan, on_device, sequence, gpu, observer, keep).score_all(&submitted));
+        let resolved = Stage::new(plan, spec, sequence, gpu, on_device, reads_images)
             .and_then(|mut stage| stage.resolve_all(&frames, observer, &send));
         // Each thread ends when the channel before it closes, or the one after it.
         drop(send);
@@ -87,14 +86,13 @@ fn write(kept: &Receiver<Shown>, observer: &dyn Observer) -> Result<f64, RunErro
     Ok(total_ms)
 }
 
-/// The metrics that the adapter computes, and those that the host does: all that the adapter cannot.
-fn split_metrics(plan: &Plan, spec: &RunSpec, gpu: &Gpu) -> (Vec<Metric>, Vec<Metric>) {
-    let on_device = match spec.metrics_on {
+/// Whether the adapter computes the metrics.
+fn scores_on_device(spec: &RunSpec, gpu: &Gpu) -> bool {
+    match spec.metrics_on {
         MetricsOn::Auto => !gpu.is_cpu(),
         MetricsOn::Cpu => false,
         MetricsOn::Gpu => true,
-    };
-    plan.metrics.iter().partition(|&&metric| on_device && computes(metric))
+    }
 }
 
 /// Each decoder also decompresses in parallel, so a few are enough to hide the gaps.
@@ -125,6 +123,9 @@ struct Stage<'a> {
     reads_images: bool,
     timer: Timer,
     pool: ReadbackPool,
+    warmup_frames: usize,
+    /// Frames since the last reset.
+    age: usize,
 }
 
 impl<'a> Stage<'a> {
@@ -133,7 +134,7 @@ impl<'a> Stage<'a> {
         spec: &RunSpec,
         sequence: &Sequence,
         gpu: &'a Gpu,
-        metrics: &[Metric],
+        on_device: bool,
         reads_images: bool,
     ) -> Result<Self, RunError> {
         let sizes = sequence.sizes();
@@ -149,8 +150,8 @@ impl<'a> Stage<'a> {
             .par_iter()
             .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, sizes))
             .collect::<Result<_, _>>()?;
-        let metrics = (!metrics.is_empty())
-            .then(|| GpuMetrics::new(gpu, sizes.output, sequence.display(), metrics))
+        let metrics = on_device
+            .then(|| GpuMetrics::new(gpu, sizes.output, sequence.display(), &plan.metrics, plan.systems.len()))
             .transpose()?;
         let mut stage = Self {
             plan,
@@ -161,16 +162,15 @@ impl<'a> Stage<'a> {
             metrics,
             timer: Timer::new(gpu, 0),
             pool: ReadbackPool::default(),
+            warmup_frames: sequence.warmup_frames(),
+            age: 0,
         };
         // What this leaves in histories, the first frame does not read.
         let mut encoder = stage.encoder();
         stage.record(&mut encoder, Repeat::WarmUp)?;
         gpu.wait(gpu.queue.submit([encoder.finish()]))?;
-        let [once, per_system] = stage.metrics.as_ref().map_or([0, 0], GpuMetrics::n_passes);
-        stage.timer = Timer::new(
-            gpu,
-            plan.n_timed_passes() + once + per_system * plan.systems.len() as u32,
-        );
+        // All metrics of a frame are timed as one pass.
+        stage.timer = Timer::new(gpu, plan.n_timed_passes() + 1);
         Ok(stage)
     }
 
@@ -202,14 +202,19 @@ impl<'a> Stage<'a> {
     }
 
     /// Uploads a frame, and submits every preset's passes and the copies back.
-    fn submit(&mut self, frame: Frame, decode_ms: f64) -> Result<Submitted, RunError> {
+    fn submit(&mut self, mut frame: Frame, decode_ms: f64) -> Result<Submitted, RunError> {
         let (uploaded, upload_ms) = timed(|| self.inputs.upload(self.gpu, &frame));
         uploaded?;
+        self.age = match frame.index == 0 || frame.reset {
+            true => 0,
+            false => self.age + 1,
+        };
         let cpu_before = thread_cpu_ms();
         let mut encoder = self.encoder();
         self.record(&mut encoder, Repeat::Timed(self.plan.repeat))?;
         let mut readback = self.pool.begin();
-        let recorded = self.record_metrics(&mut encoder, &mut readback, &frame)?;
+        let reference = frame.reference.take().map(Arc::new);
+        let recorded = self.record_metrics(&mut encoder, &mut readback, reference.as_ref(), &mut frame)?;
         let gpu = self.gpu;
         let (shown, repaired) = gpu.scope("reading a frame back", || {
             let mut copy = |resolver: &Resolver| readback.copy_texture(gpu, &mut encoder, resolver.shown());
@@ -230,6 +235,8 @@ impl<'a> Stage<'a> {
         readback.map();
         Ok(Submitted {
             frame,
+            reference,
+            age: self.age,
             submission,
             readback,
             times,
@@ -255,14 +262,26 @@ impl<'a> Stage<'a> {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         readback: &mut Readback,
-        frame: &Frame,
+        reference: Option<&Arc<Image<Rgb>>>,
+        frame: &mut Frame,
     ) -> Result<Vec<Recorded>, RunError> {
-        let (Some(metrics), Some(reference)) = (&self.metrics, &frame.reference) else {
+        let (Some(metrics), Some(reference)) = (&mut self.metrics, reference) else {
             return Ok(Vec::new());
         };
-        let (gpu, timer) = (self.gpu, &mut self.timer);
-        metrics.set_reference(gpu, encoder, reference, timer)?;
-        let mut record = |resolver: &Resolver| metrics.record(gpu, encoder, resolver.shown(), timer, readback);
-        self.resolvers.iter().map(|resolver| Ok(record(resolver)?)).collect()
+        let needs_motion = self.plan.metrics.iter().any(|metric| metric.needs_motion());
+        let motion_px = needs_motion.then(|| frame.take_output_motion_px()).flatten();
+        let mut recording = Recording {
+            gpu: self.gpu,
+            encoder,
+            readback,
+        };
+        let frame = ScoredFrame {
+            reference,
+            motion_px: motion_px.as_ref(),
+            follows: self.age > 0,
+            settled: self.age >= self.warmup_frames,
+        };
+        let shown: Vec<_> = self.resolvers.iter().map(Resolver::shown).collect();
+        Ok(metrics.record(&mut recording, &mut self.timer, frame, &shown)?)
     }
 }

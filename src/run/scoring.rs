@@ -10,7 +10,11 @@ use super::{
 use crate::{
     gpu::{Gpu, Readback, Times},
     image::Image,
-    metrics::{FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value, gpu::Recorded, offset_px},
+    metrics::{
+        FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value,
+        gpu::{DeviceTrack, Recorded},
+        offset_px,
+    },
     sequence::{Frame, Sequence, frame::Rgb},
 };
 use std::{
@@ -27,6 +31,10 @@ const OFFSET_LIMIT_PX: f64 = 0.05;
 /// A frame that the GPU is working on.
 pub struct Submitted {
     pub frame: Frame,
+    /// Its reference, shared with the device's metrics.
+    pub reference: Option<Arc<Image<Rgb>>>,
+    /// Frames since the last reset.
+    pub age: usize,
     pub submission: wgpu::SubmissionIndex,
     pub readback: Readback,
     pub times: Times,
@@ -50,17 +58,22 @@ pub struct Shown {
 
 /// One preset's frames so far, and every time measured on its passes after warm-up.
 struct Gathered {
-    track: Track,
+    track: PresetTrack,
     frames: Vec<FrameReport>,
     pass_times_ms: BTreeMap<&'static str, Vec<f64>>,
     /// What to say of where the last output lies.
     offset: Option<String>,
 }
 
+/// Scores one preset's frames, wherever metrics are computed.
+enum PresetTrack {
+    Host(Box<Track>),
+    Device(DeviceTrack),
+}
+
 pub struct Scorer<'a> {
     plan: &'a Plan,
-    /// Those that the adapter leaves to the host.
-    metrics: Vec<Metric>,
+    scores_on_host: bool,
     sequence: &'a Sequence,
     gpu: &'a Gpu,
     observer: &'a dyn Observer,
@@ -70,14 +83,12 @@ pub struct Scorer<'a> {
     /// Of the previous frame.
     reference: Option<Reference>,
     stages_ms: BTreeMap<&'static str, f64>,
-    /// Frames since the last reset.
-    age: usize,
 }
 
 impl<'a> Scorer<'a> {
     pub fn new(
         plan: &'a Plan,
-        metrics: Vec<Metric>,
+        on_device: bool,
         sequence: &'a Sequence,
         gpu: &'a Gpu,
         observer: &'a dyn Observer,
@@ -85,17 +96,16 @@ impl<'a> Scorer<'a> {
     ) -> Self {
         Self {
             plan,
+            scores_on_host: !on_device && !plan.metrics.is_empty(),
             sequence,
             gpu,
             observer,
             keep,
-            gathered: plan.systems.iter().map(|_| Gathered::new(&metrics)).collect(),
+            gathered: plan.systems.iter().map(|_| Gathered::new(plan, on_device)).collect(),
             reference: None,
             stages_ms: ["decode", "upload", "gpu", "readback", "metrics"]
                 .map(|stage| (stage, 0.0))
                 .into(),
-            age: 0,
-            metrics,
         }
     }
 
@@ -111,12 +121,6 @@ impl<'a> Scorer<'a> {
     }
 
     fn score(&mut self, submitted: &mut Submitted) -> Result<(), RunError> {
-        let frame = &mut submitted.frame;
-        self.age = if frame.index == 0 || frame.reset {
-            0
-        } else {
-            self.age + 1
-        };
         let pass_ms = submitted.times.read(&submitted.readback)?;
         self.add("decode", submitted.decode_ms);
         self.add("upload", submitted.upload_ms);
@@ -125,18 +129,21 @@ impl<'a> Scorer<'a> {
         self.add("gpu", pass_ms.iter().sum());
         self.add("metrics", metric_pass_ms.iter().sum());
         let display = self.sequence.display();
-        let picture = frame.reference.take().map(|linear| Picture::linear(linear, display));
+        let picture = submitted
+            .reference
+            .take()
+            .map(|linear| Picture::linear(linear, display));
         let (reference, reference_ms) = timed(|| {
-            let picture = picture.clone().filter(|_| !self.metrics.is_empty())?;
-            let motion_px = frame.take_output_motion_px().map(Arc::new);
+            let picture = picture.clone().filter(|_| self.scores_on_host)?;
+            let motion_px = submitted.frame.take_output_motion_px().map(Arc::new);
             Some(match &self.reference {
-                Some(previous) if self.age > 0 => previous.follow(picture, motion_px.as_ref()),
+                Some(previous) if submitted.age > 0 => previous.follow(picture, motion_px.as_ref()),
                 Some(previous) => previous.restart(picture),
-                None => Reference::new(picture, &self.metrics),
+                None => Reference::new(picture, &self.plan.metrics),
             })
         });
         self.add("metrics", reference_ms);
-        let frame_index = frame.index;
+        let frame_index = submitted.frame.index;
         for index in 0..self.plan.systems.len() {
             let report = self.score_preset(submitted, index, reference.as_ref(), picture.as_ref(), pass_ms)?;
             self.gathered[index].frames.push(report);
@@ -165,15 +172,17 @@ impl<'a> Scorer<'a> {
         let shown = image
             .as_ref()
             .map(|image| Picture::linear(Arc::clone(image), self.sequence.display()));
-        let warmup = self.age < self.sequence.warmup_frames();
+        let warmup = submitted.age < self.sequence.warmup_frames();
         let track = &mut self.gathered[index].track;
-        let (scores, metrics_ms) = timed(|| {
-            let computed = reference.zip(shown.as_ref());
-            let computed = computed.map(|(reference, shown)| track.score(reference, shown, !warmup));
-            let computed = computed
-                .transpose()
-                .map_err(|error| RunError::Input(error.to_string()))?;
-            scores(submitted, index, computed, image.as_deref())
+        let (scores, metrics_ms) = timed(|| match (track, reference, &shown) {
+            (PresetTrack::Device(track), ..) => Ok(track.score(&submitted.recorded[index], &submitted.readback)?),
+            (PresetTrack::Host(track), Some(reference), Some(shown)) => track
+                .score(reference, shown, !warmup)
+                .map_err(|error| RunError::Input(error.to_string())),
+            (PresetTrack::Host(_), ..) => Ok(FrameScores {
+                values: BTreeMap::new(),
+                non_finite_pixels: count_non_finite(image.as_ref().expect("read back for the host")),
+            }),
         });
         let scores = scores?;
         if let (Some(truth), Some(shown)) = (truth, &shown)
@@ -316,9 +325,12 @@ impl<'a> Scorer<'a> {
 }
 
 impl Gathered {
-    fn new(metrics: &[Metric]) -> Self {
+    fn new(plan: &Plan, on_device: bool) -> Self {
         Self {
-            track: Track::new(metrics),
+            track: match on_device {
+                true => PresetTrack::Device(DeviceTrack::new(&plan.metrics)),
+                false => PresetTrack::Host(Box::new(Track::new(&plan.metrics))),
+            },
             frames: Vec::new(),
             pass_times_ms: BTreeMap::new(),
             offset: None,
@@ -328,7 +340,11 @@ impl Gathered {
     /// Every frame with all its values.
     fn finish(self) -> Vec<FrameReport> {
         let mut frames = self.frames;
-        for LateValue { frame, id, value } in self.track.finish() {
+        let late = match self.track {
+            PresetTrack::Host(track) => track.finish(),
+            PresetTrack::Device(track) => track.finish(),
+        };
+        for LateValue { frame, id, value } in late {
             frames[frame].metrics.insert(id.to_owned(), value);
         }
         frames
@@ -348,30 +364,6 @@ fn offset_note(reference: &Picture, shown: &Picture) -> Option<String> {
             x.abs(),
             y.abs()
         )
-    })
-}
-
-/// From the adapter and from the image, whichever computed them; without either only the count of bad pixels.
-fn scores(
-    submitted: &Submitted,
-    index: usize,
-    computed: Option<FrameScores>,
-    image: Option<&Image<Rgb>>,
-) -> Result<FrameScores, RunError> {
-    let recorded = submitted.recorded.get(index);
-    let recorded = recorded
-        .map(|recorded| recorded.scores(&submitted.readback))
-        .transpose()?;
-    Ok(match (recorded, computed) {
-        (Some(mut scores), Some(computed)) => {
-            scores.values.extend(computed.values);
-            scores
-        }
-        (Some(scores), None) | (None, Some(scores)) => scores,
-        (None, None) => FrameScores {
-            values: BTreeMap::new(),
-            non_finite_pixels: count_non_finite(image.expect("read back where nothing computes metrics")),
-        },
     })
 }
 

@@ -1,18 +1,19 @@
 //! The metrics, on the CPU and on the GPU, against independent implementations: `fixtures/golden`, whose README says what made each value.
 
-use crate::support::{cpu_scores, gpu_scores, metrics_for, noise, on_device, perfect};
+use crate::support::{DeviceScorer, cpu_scores, gpu_scores, gpu_tolerance, metrics_for, noise, perfect};
 use afterimage::{
     compare::{Comparison, Criteria, compare},
     image::{
         Extent, Image,
         files::{Backend, FileReader, Limits},
     },
-    metrics::{Display, Metric, Picture, Tonemap, Value, Values, display::linear_from_srgb, gpu::computes, map::Map},
+    metrics::{Display, Metric, Picture, Tonemap, Value, Values, display::linear_from_srgb, map::Map},
 };
 use serde::Deserialize;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 /// Of a CPU metric, in dB or in units of the index.
@@ -229,47 +230,50 @@ fn hdr_pair_matches_the_published_values() {
     }
 }
 
-/// Of GPU metrics: dB, then units of the index.
-fn gpu_tolerance(metric: Metric) -> f64 {
-    if metric.info().unit == "dB" { 1e-3 } else { 1e-5 }
-}
-
 /// The linear image that a display shows as these 8-bit codes.
 fn linear(name: &str) -> Image<[f32; 3]> {
     let encoded = reader().read_rgb(&fixture(name)).unwrap().image;
     encoded.map(|pixel| pixel.map(|c| linear_from_srgb(f64::from(c)) as f32))
 }
 
+/// Against `expected`; what it has no value of is not compared.
+#[track_caller]
+fn assert_on_gpu(what: &str, actual: &Values, expected: impl IntoIterator<Item = (Metric, Value)>, extent: Extent) {
+    for (metric, Value(expected)) in expected {
+        let actual = actual[metric.id()].0;
+        let tolerance = gpu_tolerance(metric, expected, extent.n_pixels());
+        assert!(
+            agree(actual, expected, tolerance),
+            "{what}: {metric}: {actual} on the GPU, not {expected}"
+        );
+    }
+}
+
 #[test]
 fn gpu_matches_published_implementations() {
     let additional: Additional = json("additional.json");
+    let mut device = DeviceScorer::new(EXTENT, Display::default(), &metrics_for(EXTENT));
     for (pair, reference) in PAIRS {
         let (reference, test) = (
             linear(&format!("{reference}_ref.png")),
             linear(&format!("{pair}_test.png")),
         );
-        let actual = gpu_scores(&reference, &test, Display::default(), &on_device()).values;
-        for (metric, expected) in &additional.pairs8[pair] {
-            if !computes(*metric) {
-                continue;
-            }
-            let (actual, expected) = (actual[metric.id()].0, expected.0);
-            assert!(
-                agree(actual, expected, gpu_tolerance(*metric)),
-                "{pair}: {metric}: {actual}, not {expected}"
-            );
-        }
+        let cpu = cpu_scores(&reference, &test, Display::default(), &metrics_for(EXTENT)).unwrap();
+        let actual = device.score(&Arc::new(reference), &test, None, true).values;
+        assert_on_gpu(pair, &actual, additional.pairs8[pair].clone(), EXTENT);
+        let on_cpu = metrics_for(EXTENT)
+            .into_iter()
+            .map(|metric| (metric, cpu.values[metric.id()]));
+        assert_on_gpu(pair, &actual, on_cpu, EXTENT);
     }
     let (reference, test) = (hdr("hdr_ref.exr"), hdr("hdr_test.exr"));
     for HdrValues { display, values } in additional.hdr {
-        let actual = gpu_scores(&reference, &test, display, &on_device()).values;
-        for (metric, expected) in values.into_iter().filter(|(metric, _)| computes(*metric)) {
-            let (actual, expected) = (actual[metric.id()].0, expected.0);
-            assert!(
-                agree(actual, expected, gpu_tolerance(metric)),
-                "{display:?} {metric}: {actual}, not {expected}"
-            );
-        }
+        let metrics = metrics_for(EXTENT);
+        let actual = gpu_scores(&reference, &test, display, &metrics).values;
+        assert_on_gpu(&format!("{display:?}"), &actual, values, EXTENT);
+        let cpu = cpu_scores(&reference, &test, display, &metrics).unwrap();
+        let on_cpu = metrics.into_iter().map(|metric| (metric, cpu.values[metric.id()]));
+        assert_on_gpu(&format!("{display:?}"), &actual, on_cpu, EXTENT);
     }
 }
 
@@ -280,27 +284,60 @@ fn gpu_matches_the_cpu_on_odd_sizes_and_small_errors() {
         exposure: 0.7,
         tonemap: Tonemap::Aces,
     };
-    for (width, height) in [(11, 11), (61, 37), (129, 12), (12, 150), (320, 180)] {
+    for (width, height) in [(11, 11), (61, 37), (129, 12), (12, 150), (161, 163), (320, 180)] {
+        let extent = Extent::new(width, height);
+        let reference = Arc::new(Image::from_fn(extent, |x, y| {
+            [x as f32 / width as f32, noise(x, y, 1), 8.0 * noise(x / 9, y / 7, 2)]
+        }));
+        let metrics = metrics_for(extent);
+        let mut device = DeviceScorer::new(extent, display, &metrics);
         for error in [1.0, 1e-2, 5e-4] {
-            let extent = Extent::new(width, height);
-            let reference = Image::from_fn(extent, |x, y| {
-                [x as f32 / width as f32, noise(x, y, 1), 8.0 * noise(x / 9, y / 7, 2)]
-            });
             let test = Image::from_fn(extent, |x, y| {
                 reference.at(x, y).map(|c| c * (1.0 + error * (noise(x, y, 3) - 0.5)))
             });
-            let metrics = on_device();
             let cpu = cpu_scores(&reference, &test, display, &metrics).unwrap();
-            let gpu = gpu_scores(&reference, &test, display, &metrics);
-            // A value that f32 puts on the other side of a rounding boundary changes Σ(T−R)² by about 1. Two may.
-            let codes_error = 255.0 * 255.0 * libm::pow(10.0, -0.1 * cpu.values["psnr.u8"].0);
-            let two_codes_db = 10.0 * libm::log10(1.0 + 2.0 / (codes_error * 3.0 * extent.n_pixels() as f64));
-            for metric in metrics {
-                let (cpu, gpu) = (cpu.values[metric.id()].0, gpu.values[metric.id()].0);
-                let rounding = if metric == Metric::PSNR_U8 { two_codes_db } else { 0.0 };
-                let close = agree(gpu, cpu, gpu_tolerance(metric) + rounding);
-                assert!(close, "{extent}, error {error}: {metric}: {gpu}, CPU {cpu}");
+            let gpu = device.score(&reference, &test, None, true);
+            let on_cpu = metrics.iter().map(|metric| (*metric, cpu.values[metric.id()]));
+            assert_on_gpu(&format!("{extent}, error {error}"), &gpu.values, on_cpu, extent);
+            for exposure in ["hdr_flip.start_exposure", "hdr_flip.stop_exposure"] {
+                assert_eq!(gpu.values[exposure], cpu.values[exposure], "{exposure}");
             }
+        }
+    }
+}
+
+#[test]
+fn equal_images_are_perfect_on_the_gpu() {
+    for extent in [Extent::new(61, 37), Extent::new(167, 161)] {
+        let image = Image::from_fn(extent, |x, y| [noise(x, y, 1), 4.0 * noise(x / 5, y / 5, 2), 0.3]);
+        let values = gpu_scores(&image, &image, Display::default(), &metrics_for(extent)).values;
+        for metric in metrics_for(extent) {
+            assert_eq!(values[metric.id()].0, perfect(metric), "{metric}");
+        }
+    }
+}
+
+/// Rounding of display values, about 1e-7, adds to errors that are no larger.
+#[test]
+fn gpu_psnr_of_tiny_errors() {
+    let extent = Extent::new(160, 90);
+    let reference = Arc::new(Image::from_fn(extent, |x, y| {
+        [noise(x, y, 1), 0.5 + 0.5 * noise(x / 5, y / 5, 2), noise(x, y, 3)]
+    }));
+    let metrics = [Metric::PSNR, Metric::PSNR_Y, Metric::SNR];
+    let mut device = DeviceScorer::new(extent, Display::default(), &metrics);
+    for error in [1e-4_f32, 3e-5, 1e-5, 3e-6] {
+        let test = Image::from_fn(extent, |x, y| {
+            reference.at(x, y).map(|c| c * (1.0 + error * (noise(x, y, 4) - 0.5)))
+        });
+        let cpu = cpu_scores(&reference, &test, Display::default(), &metrics)
+            .unwrap()
+            .values;
+        let gpu = device.score(&reference, &test, None, true).values;
+        for metric in metrics {
+            let [cpu, gpu] = [&cpu, &gpu].map(|values| values[metric.id()].0);
+            let rounding_db = 10.0 * libm::log10(1.0 + 2e-7 * 2e-7 * libm::pow(10.0, 0.1 * cpu));
+            assert!(agree(gpu, cpu, 1e-3 + rounding_db), "{metric}: {gpu} dB, CPU {cpu} dB");
         }
     }
 }

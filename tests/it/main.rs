@@ -6,6 +6,7 @@ mod bad_input;
 mod checkerboard;
 mod cli;
 mod golden;
+mod gpu_sequences;
 mod gpu_vs_reference;
 mod images;
 mod masks;

@@ -1,12 +1,12 @@
 //! A whole run: what the report says, and that metrics do not depend on where they are computed.
 
-use crate::support::{gpu, on_device};
+use crate::support::{all_metrics, gpu, gpu_tolerance, metrics_for};
 use afterimage::{
     image::{
-        Image,
+        Extent, Image,
         files::{Backend, FileReader, Limits},
     },
-    metrics::Metric,
+    metrics::{Metric, Value},
     run::{self, MetricsOn, Observer, PresetSpec, RunError, RunSpec, report::Report},
     sequence::{Sequence, frame::Rgb},
     taa::Precision,
@@ -30,7 +30,7 @@ pub fn spec(presets: &[&str]) -> RunSpec {
                 parameters: serde_json::Map::new(),
             })
             .collect(),
-        metrics: [Metric::FLIP].into_iter().chain(on_device()).collect(),
+        metrics: metrics_for(Extent::new(11, 11)),
         history: Precision::F32,
         n_frames: None,
         repeat: 1,
@@ -76,27 +76,71 @@ pub fn execute(spec: &RunSpec, sequence: &Sequence) -> Report {
     run::execute(spec, sequence, gpu(), &Count::new(usize::MAX)).unwrap()
 }
 
+/// Every metric over all pixels and over each mask: of every frame, and of the whole sequence.
 #[test]
 fn metrics_agree_wherever_they_are_computed() {
     let sequence = sequence("fixtures/pan");
-    let on_cpu = execute(&spec(&["inside", "salvi2016"]), &sequence);
-    let on_gpu = execute(
-        &RunSpec {
-            metrics_on: MetricsOn::Gpu,
+    let extent = sequence.output_size();
+    let on = |metrics_on| {
+        let metrics = all_metrics(extent);
+        let wanted = RunSpec {
+            metrics_on,
+            metrics,
             ..spec(&["inside", "salvi2016"])
-        },
-        &sequence,
-    );
+        };
+        execute(&wanted, &sequence)
+    };
+    let (on_cpu, on_gpu) = (on(MetricsOn::Cpu), on(MetricsOn::Gpu));
+    let agree = |place: String, id: &str, a: Value, b: Value| {
+        let exposures = id.starts_with("hdr_flip") && id.ends_with("exposure");
+        let tolerance = match id.parse() {
+            Ok(metric) => gpu_tolerance(metric, a.0, extent.n_pixels()),
+            Err(_) if exposures => 0.0,
+            Err(error) => panic!("{error}"),
+        };
+        let close = a == b || (a.0 - b.0).abs() <= tolerance || a.0.is_nan() && b.0.is_nan();
+        assert!(close, "{place}: {id}: {} on the GPU, {} on the CPU", b.0, a.0);
+    };
     for (a, b) in on_cpu.reports.iter().zip(&on_gpu.reports) {
         for (a, b) in a.frames.iter().zip(&b.frames) {
-            assert_eq!(a.metrics.len(), b.metrics.len());
-            assert!(a.metrics.len() >= spec(&[]).metrics.len());
+            assert!(a.metrics.keys().eq(b.metrics.keys()), "frame {}", a.index);
             for (id, value) in &a.metrics {
-                let bound = if id.starts_with("ssim") { 1e-5 } else { 1e-3 };
-                let difference = (value.0 - b.metrics[id].0).abs();
-                assert!(difference <= bound, "frame {}: {id} differs by {difference}", a.index);
+                agree(format!("frame {}", a.index), id, *value, b.metrics[id]);
             }
         }
+        assert!(a.summary.keys().eq(b.summary.keys()));
+        assert!(a.summary.len() > Metric::ALL.len(), "{:?}", a.summary.keys());
+        for (id, summary) in &a.summary {
+            agree("mean".to_owned(), id, summary.mean, b.summary[id].mean);
+        }
+    }
+}
+
+/// Without images or metrics that the host computes nothing of a frame is read back but sums, and the report is the same.
+#[test]
+fn on_the_gpu_metrics_need_no_images() {
+    struct Blind;
+    impl Observer for Blind {
+        fn progress(&self, _: usize, _: usize) {}
+        fn wants_output(&self) -> bool {
+            false
+        }
+        fn output(&self, _: usize, _: usize, _: &Image<Rgb>) -> std::io::Result<()> {
+            panic!("nobody asked for images");
+        }
+        fn cancelled(&self) -> bool {
+            false
+        }
+    }
+    let sequence = sequence("fixtures/pan");
+    let wanted = RunSpec {
+        metrics_on: MetricsOn::Gpu,
+        ..spec(&["ema"])
+    };
+    let seen = execute(&wanted, &sequence);
+    let blind = run::execute(&wanted, &sequence, gpu(), &Blind).unwrap();
+    for (a, b) in seen.reports[0].frames.iter().zip(&blind.reports[0].frames) {
+        assert_eq!(a.metrics, b.metrics);
     }
 }
 

@@ -41,21 +41,35 @@ fn parse(source: &str) -> Result<naga::Module, String> {
 
 /// A pass together with the files it is compiled with.
 fn module_of(pass: &Path, files: &[PathBuf]) -> String {
-    // A recipe's passes share what lies beside them; two ways to store history cannot stand in one module.
+    // A recipe's passes share what lies beside them; of two files that stand in for each other one is enough.
+    let stands_in = ["history_f32.wgsl", "classes.wgsl", "shares.wgsl"];
     let of_recipe = pass.iter().any(|part| part == "taa") && !pass.ends_with("prepare.wgsl");
-    let needed: Vec<_> = files
+    let mut module = fs::read_to_string(pass).unwrap();
+    let shared = files.iter().filter(|path| {
+        let text = fs::read_to_string(path).unwrap();
+        !text.contains("@compute") && !stands_in.iter().any(|name| path.ends_with(name))
+    });
+    let (metrics, others): (Vec<_>, Vec<_>) = shared.partition(|path| path.iter().any(|part| part == "metrics"));
+    let needed = others.into_iter().filter(|path| {
+        let folder = path.parent().unwrap();
+        folder.ends_with("common") || of_recipe && folder.parent().unwrap().ends_with("taa")
+    });
+    module.extend(needed.map(|path| format!("\n{}", fs::read_to_string(path).unwrap())));
+    // A metric's pass is compiled with the files that it, or one of these, calls.
+    let mut metrics: Vec<_> = metrics.iter().map(|path| fs::read_to_string(path).unwrap()).collect();
+    while let Some(i) = metrics
         .iter()
-        .filter(|path| {
-            let folder = path.parent().unwrap();
-            let near = folder.ends_with("common") || of_recipe && folder.parent().unwrap().ends_with("taa");
-            near && !fs::read_to_string(path).unwrap().contains("@compute") && !path.ends_with("history_f32.wgsl")
-        })
-        .collect();
-    std::iter::once(pass.to_path_buf())
-        .chain(needed.into_iter().cloned())
-        .map(|path| fs::read_to_string(path).unwrap())
-        .collect::<Vec<_>>()
-        .join("\n")
+        .position(|text| functions(text).any(|name| module.contains(&format!("{name}("))))
+    {
+        module = [module, metrics.swap_remove(i)].join("\n");
+    }
+    module
+}
+
+/// The names of the functions that a text defines.
+fn functions(text: &str) -> impl Iterator<Item = &str> {
+    let lines = text.lines().filter_map(|line| line.strip_prefix("fn "));
+    lines.filter_map(|line| line.split('(').next())
 }
 
 fn all_files() -> Vec<PathBuf> {

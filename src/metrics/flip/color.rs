@@ -5,11 +5,11 @@ use glam::{DMat3, DVec3};
 use std::sync::LazyLock;
 
 /// Exponent of colour differences.
-const QC: f32 = 0.7;
+pub const QC: f32 = 0.7;
 /// Differences below this share of the largest spread over most of the range …
-const PC: f32 = 0.4;
+pub const PC: f32 = 0.4;
 /// … namely over this much of it.
-const PT: f32 = 0.95;
+pub const PT: f32 = 0.95;
 
 /// sRGB's primaries and white, as XYZ of linear R, G and B.
 const XYZ_FROM_RGB: DMat3 = DMat3::from_cols(
@@ -40,9 +40,9 @@ fn mul([a, b, c]: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
 /// The conversions of one thread: holds the matrices, which a loop must not look up anew for every pixel.
 #[derive(Clone, Copy)]
 pub struct Colors {
-    to_xyz: [[f32; 3]; 3],
-    from_xyz: [[f32; 3]; 3],
-    largest: f32,
+    pub to_xyz: [[f32; 3]; 3],
+    pub from_xyz: [[f32; 3]; 3],
+    pub largest: f32,
 }
 
 impl Colors {

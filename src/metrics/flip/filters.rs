@@ -94,7 +94,7 @@ pub struct Filters {
     red_green: Kernel,
     blue_yellow: [Kernel; 2],
     /// Shares of the two Gaussians of blue–yellow.
-    shares: [f32; 2],
+    pub shares: [f32; 2],
     gauss: Kernel,
     edge: Kernel,
     point: Kernel,
@@ -123,6 +123,30 @@ impl Filters {
             edge: Kernel::detecting(|x| x * gauss(x), reach, true),
             point: Kernel::detecting(|x| ((x / deviation) * (x / deviation) - 1.0) * gauss(x), reach, false),
         }
+    }
+}
+
+impl Filters {
+    /// The weights at each distance from the centre, as a device reads them: of lightness, red–green and both Gaussians of
+    /// blue–yellow, then of the Gaussian of features and its derivatives.
+    pub fn taps(&self) -> [[f32; 8]; APRON + 1] {
+        let [wide, narrow] = &self.blue_yellow;
+        let kernels = [
+            &self.achromatic,
+            &self.red_green,
+            wide,
+            narrow,
+            &self.gauss,
+            &self.edge,
+            &self.point,
+        ];
+        std::array::from_fn(|k| {
+            let mut tap = [0.0; 8];
+            for (weight, kernel) in tap.iter_mut().zip(kernels) {
+                *weight = kernel.weights.get(k).copied().unwrap_or(0.0);
+            }
+            tap
+        })
     }
 }
 

@@ -7,7 +7,7 @@
 //! reference, and for each image under test only where a tile differs. In f32 throughout, since the published
 //! implementations are.
 
-mod color;
+pub(super) mod color;
 mod filters;
 
 use super::{
@@ -23,7 +23,8 @@ use super::{
 };
 use crate::image::{Extent, Image};
 use color::Colors;
-use filters::{APRON, Filters, INPUT, Scratch, TILE};
+pub(super) use filters::Filters;
+use filters::{APRON, INPUT, Scratch, TILE};
 use rayon::prelude::*;
 
 pub(super) const FLIP: Definition = Definition {
@@ -362,7 +363,7 @@ impl Exposures {
     }
 
     /// A stop apart at most, and at least two.
-    fn factors(self) -> impl Iterator<Item = f32> {
+    pub(super) fn factors(self) -> impl Iterator<Item = f32> {
         let n = (self.stop - self.start).ceil().max(2.0);
         let step = (self.stop - self.start) / (n - 1.0);
         (0..n as u32).map(move |i| libm::exp2(self.start + f64::from(i) * step) as f32)

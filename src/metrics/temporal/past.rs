@@ -1,13 +1,6 @@
 //! What one preset's previous frame leaves behind.
 
-use super::super::{
-    mask::ByMask,
-    plane::Plane,
-    quantity::{Domain, Sums},
-    reference::Reference,
-    rows::Errors,
-    squared_error::psnr_db,
-};
+use super::super::{mask::ByMask, plane::Plane, quantity::Sums, reference::Reference, rows::Errors};
 use std::sync::Arc;
 
 /// The last frame scored; at first there is none.
@@ -36,10 +29,9 @@ impl Past {
         self.luma.as_ref().map(|plane| &plane[..])
     }
 
-    /// Its PSNR over all pixels and over each mask; NaN where no pixel counts.
-    pub fn psnr_db(&self) -> Option<ByMask<f64>> {
-        let sums = self.squared_errors.as_ref()?;
-        Some(sums.map(|sums| psnr_db(sums.mean(), Domain::Display.peak())))
+    /// Its squared errors of display RGB, where they were measured.
+    pub fn squared_errors(&self) -> Option<&ByMask<Sums>> {
+        self.squared_errors.as_ref()
     }
 
     /// Its errors, to be replaced by those of the next frame, which `follows` it or not.

@@ -15,9 +15,9 @@ use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// The largest difference in luma between a pixel and where it came from.
-const REPROJECTS_WITHIN: f64 = 0.05;
+pub const REPROJECTS_WITHIN: f64 = 0.05;
 /// Motion in pixels from which on a pixel moves.
-const MOVES_FROM_PX: f32 = 0.01;
+pub const MOVES_FROM_PX: f32 = 0.01;
 
 /// What is measured between a frame and the one before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -147,7 +147,7 @@ impl Step {
 }
 
 /// `totals` as the terms of `n` samples.
-fn sums<const N: usize>(n: ByClass<f64>, totals: [ByClass<f64>; N]) -> ByClass<Sums> {
+pub fn sums<const N: usize>(n: ByClass<f64>, totals: [ByClass<f64>; N]) -> ByClass<Sums> {
     std::array::from_fn(|class| Sums::new(n[class], totals.map(|by_class| by_class[class])))
 }
 

@@ -3,19 +3,14 @@
 use super::{
     super::{
         FrameScores, Metric, MetricError, Value,
-        mask::{ByMask, counts, place},
+        mask::{counts, place},
         picture::Picture,
         quantity::{Quantity, quantities},
         reference::Reference,
     },
-    Past,
+    Convergence, Past,
 };
 use rayon::prelude::*;
-
-/// How long after a reset an image counts as converged.
-const CONVERGED_AFTER: usize = 32;
-/// How far from the PSNR that it has then, in dB.
-const CONVERGED_WITHIN_DB: f64 = 0.5;
 
 /// Scores one preset's frames in order.
 pub struct Track {
@@ -24,8 +19,7 @@ pub struct Track {
     n_frames: usize,
     /// Of the pixels of each place of [`ByMask`] that a metric asks for.
     deviations: Vec<(usize, Deviation)>,
-    /// PSNR of every frame, and whether it was a reset.
-    psnr_db: Vec<(ByMask<f64>, bool)>,
+    convergence: Convergence,
 }
 
 /// A value of a whole sequence, or of a stretch of it, and the frame that it is stored with.
@@ -48,7 +42,7 @@ impl Track {
             past: Past::default(),
             n_frames: 0,
             deviations: places.map(|place| (place, Deviation::default())).collect(),
-            psnr_db: Vec::new(),
+            convergence: Convergence::default(),
         }
     }
 
@@ -59,11 +53,11 @@ impl Track {
         if settled && !self.deviations.is_empty() {
             self.gather(reference);
         }
-        if let (true, Some(psnr_db)) = (
+        if let (true, Some(errors)) = (
             quantities(&self.metrics).contains(&Quantity::Convergence),
-            self.past.psnr_db(),
+            self.past.squared_errors(),
         ) {
-            self.psnr_db.push((psnr_db, reference.step().is_none()));
+            self.convergence.add(errors, reference.step().is_none());
         }
         self.n_frames += 1;
         Ok(scores)
@@ -84,9 +78,7 @@ impl Track {
 
     /// What only the whole sequence tells.
     pub fn finish(self) -> Vec<LateValue> {
-        let mut values: Vec<_> = of(&self.metrics, Quantity::Convergence)
-            .flat_map(|metric| self.converged(metric))
-            .collect();
+        let mut values = self.convergence.values(&self.metrics);
         let deviations = of(&self.metrics, Quantity::ErrorDeviation).zip(&self.deviations);
         values.extend(deviations.filter_map(|(metric, (_, deviation))| {
             Some(LateValue {
@@ -96,33 +88,6 @@ impl Track {
             })
         }));
         values
-    }
-
-    /// One value a reset that is followed by enough frames, stored with the reset.
-    fn converged(&self, metric: Metric) -> Vec<LateValue> {
-        let place = place(metric.mask());
-        let resets = self.psnr_db.iter().enumerate().filter(|(_, (_, reset))| *reset);
-        let value = |(frame, _): (usize, &(ByMask<f64>, bool))| {
-            let stretch = self.psnr_db.get(frame..=frame + CONVERGED_AFTER)?;
-            if stretch[1..].iter().any(|(_, reset)| *reset) {
-                return None;
-            }
-            let (last, _) = stretch[CONVERGED_AFTER];
-            let last = last[place];
-            // Two infinities are near each other as well.
-            let near =
-                |(db, _): &(ByMask<f64>, bool)| db[place] == last || (db[place] - last).abs() <= CONVERGED_WITHIN_DB;
-            let n_frames = stretch
-                .iter()
-                .rposition(|frame| !near(frame))
-                .map_or(0, |away| away + 1);
-            Some(LateValue {
-                frame,
-                id: metric.id(),
-                value: Value(n_frames as f64),
-            })
-        };
-        resets.filter_map(value).collect()
     }
 }
 

@@ -7,8 +7,8 @@ use afterimage::{
     gpu::{Gpu, ReadbackPool, Texture, Timer},
     image::{Extent, Image},
     metrics::{
-        Better, Display, FrameScores, Metric, MetricError, Picture, Reference,
-        gpu::{GpuMetrics, computes},
+        Better, Display, FrameScores, LateValue, Mask, Metric, MetricError, Picture, Reference,
+        gpu::{DeviceTrack, GpuMetrics, Recording, ScoredFrame},
     },
     sequence::{Channels, Frame, frame::Rgb},
     taa::{Inputs, Precision, Recipe, Repeat, Resolver},
@@ -185,26 +185,101 @@ pub fn cpu_scores(
     Reference::new(reference, metrics).evaluate(&test)
 }
 
-/// Every metric that the GPU computes.
-pub fn on_device() -> Vec<Metric> {
-    Metric::ALL.into_iter().filter(|&metric| computes(metric)).collect()
+/// Every metric of sequences of this size, over all pixels and over each mask.
+pub fn all_metrics(extent: Extent) -> Vec<Metric> {
+    let suits = |metric: &Metric| metric.check_size(extent).is_ok();
+    let masked = |metric: Metric| Mask::ALL.into_iter().filter_map(move |mask| metric.over(mask));
+    let all = Metric::ALL.into_iter().filter(suits);
+    all.flat_map(|metric| [metric].into_iter().chain(masked(metric)))
+        .collect()
+}
+
+/// How far a value that the GPU computes may be from the CPU's `value`, of frames of `n_pixels` in which each mask has no
+/// pixel or a tenth of them.
+pub fn gpu_tolerance(metric: Metric, value: f64, n_pixels: usize) -> f64 {
+    let id = metric.id();
+    let is = |base: &str| id == base || id.starts_with(&format!("{base}.")) && !id.starts_with("flicker.local");
+    if id.starts_with("psnr.u8") {
+        // A value that f32 puts on the other side of a rounding boundary changes Σ(T−R)² by about 1. Two may.
+        let n = n_pixels as f64 * if metric.mask().is_some() { 0.1 } else { 1.0 };
+        let codes_error = 255.0 * 255.0 * libm::pow(10.0, -0.1 * value) * 3.0 * n;
+        return 1e-3 + 10.0 * libm::log10(1.0 + 2.0 / codes_error);
+    }
+    match metric.info().unit {
+        "dB" => 1e-3,
+        _ if is("rel_mse") || is("smape") => 1e-5 * value,
+        _ if is("flip") || is("hdr_flip") => 1e-3,
+        // A mask may hold a hundred pixels, of which one such value moves the windows.
+        _ if id.starts_with("ssim.u8.") => 1e-4,
+        _ if is("ms_ssim.y") || is("ghost") || is("blur") => 1e-4,
+        _ if is("converge_frames") => 0.0,
+        _ => 1e-5,
+    }
+}
+
+/// One preset's frames, scored on the device.
+pub struct DeviceScorer {
+    passes: GpuMetrics,
+    track: DeviceTrack,
+    test: Texture,
+    timer: Timer,
+    pool: ReadbackPool,
+}
+
+impl DeviceScorer {
+    pub fn new(extent: Extent, display: Display, metrics: &[Metric]) -> Self {
+        Self {
+            passes: GpuMetrics::new(gpu(), extent, display, metrics, 1).unwrap(),
+            track: DeviceTrack::new(metrics),
+            test: Texture::new(gpu(), "test", extent, wgpu::TextureFormat::Rgba32Float),
+            timer: Timer::new(gpu(), 1),
+            pool: ReadbackPool::default(),
+        }
+    }
+
+    /// Scores the next frame, which follows the one before where it has motion.
+    pub fn score(
+        &mut self,
+        reference: &Arc<Image<Rgb>>,
+        test: &Image<Rgb>,
+        motion_px: Option<&Image<[f32; 2]>>,
+        settled: bool,
+    ) -> FrameScores {
+        let gpu = gpu();
+        self.test.write_rgb(gpu, test);
+        let mut readback = self.pool.begin();
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut recording = Recording {
+            gpu,
+            encoder: &mut encoder,
+            readback: &mut readback,
+        };
+        let frame = ScoredFrame {
+            reference,
+            motion_px,
+            follows: motion_px.is_some(),
+            settled,
+        };
+        let recorded = self
+            .passes
+            .record(&mut recording, &mut self.timer, frame, &[&self.test]);
+        let recorded = recorded.unwrap();
+        let times = self.timer.finish(gpu, &mut encoder, &mut readback);
+        let submission = gpu.queue.submit([encoder.finish()]);
+        readback.map();
+        gpu.wait(submission).unwrap();
+        let ms = times.read(&readback).unwrap();
+        assert!(ms.iter().all(|ms| *ms > 0.0), "{ms:?}");
+        self.track.score(&recorded[0], &readback).unwrap()
+    }
+
+    pub fn finish(self) -> Vec<LateValue> {
+        self.track.finish()
+    }
 }
 
 /// Metrics as the GPU computes them.
 pub fn gpu_scores(reference: &Image<Rgb>, test: &Image<Rgb>, display: Display, metrics: &[Metric]) -> FrameScores {
-    let gpu = gpu();
-    let passes = GpuMetrics::new(gpu, reference.extent(), display, metrics).unwrap();
-    let texture = Texture::new(gpu, "test", test.extent(), wgpu::TextureFormat::Rgba32Float);
-    texture.write_rgb(gpu, test);
-    let mut timer = Timer::new(gpu, passes.n_passes().iter().sum());
-    let mut readback = ReadbackPool::default().begin();
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    passes.set_reference(gpu, &mut encoder, reference, &mut timer).unwrap();
-    let recorded = passes
-        .record(gpu, &mut encoder, &texture, &mut timer, &mut readback)
-        .unwrap();
-    let submission = gpu.queue.submit([encoder.finish()]);
-    readback.map();
-    gpu.wait(submission).unwrap();
-    recorded.scores(&readback).unwrap()
+    let reference = Arc::new(reference.clone());
+    DeviceScorer::new(reference.extent(), display, metrics).score(&reference, test, None, true)
 }
