@@ -17,7 +17,7 @@ pub struct Track {
     metrics: Vec<Metric>,
     past: Past,
     n_frames: usize,
-    /// Of the pixels of each place of [`ByMask`] that a metric asks for.
+    /// Of the pixels of each place of [`super::super::mask::ByMask`] that a metric asks for.
     deviations: Vec<(usize, Deviation)>,
     convergence: Convergence,
 }
