@@ -136,7 +136,7 @@ fn check_images(client: &Client, report: &Value, hash: &str) {
         (png.width(), png.height())
     };
     let base = format!("/reports/{}/frames/5", report["id"]);
-    for name in ["output", "reference", "error"] {
+    for name in ["output", "reference", "error", "flip", "ssim.y"] {
         let png = client.get(&format!("{base}/{name}.png"));
         assert_eq!((png.status, png.header("content-type")), (200, "image/png"), "{name}");
         assert_eq!(size(&png), (64, 48), "{name}");
@@ -157,6 +157,9 @@ fn check_images(client: &Client, report: &Value, hash: &str) {
     client
         .get(&format!("{base}/depth.png"))
         .is_problem(404, "not_found", None, "output, reference, error");
+    client
+        .get(&format!("{base}/psnr.moving.png"))
+        .is_problem(404, "not_found", None, "`psnr.moving` has no map");
     client
         .get(&format!("{base}/error.png?max=0"))
         .is_problem(400, "bad_query", Some("max"), "above 0");
