@@ -13,7 +13,7 @@ use afterimage::{
         Extent, Image,
         files::{Backend, FileReader, Limits},
     },
-    metrics::Metric,
+    metrics::{Display, Metric, Tonemap},
     run::{self, MetricsOn, Observer, PresetSpec, RunSpec},
     sequence::{Frame, Sequence, Sizes, frame::Rgb},
     taa::{
@@ -249,6 +249,10 @@ fn textured(extent: Extent, index: usize) -> Frame {
         reset: index == 0,
         jitter_px: [0.125, -0.25],
         far: 100.0,
+        display: Display {
+            exposure: 1.0,
+            tonemap: Tonemap::ReinhardMax,
+        },
         output_size: extent,
         parity: None,
         color: Image::from_fn(extent, |x, y| [hash(x, y), hash(y, x), 2.0 * hash(x + y, x)]),

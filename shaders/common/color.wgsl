@@ -1,13 +1,8 @@
-// Colour spaces, the working domain, and the repair of hostile texels. CPU twin: src/taa/reference/color.rs.
+// Colour spaces and the repair of hostile texels. CPU twin: src/taa/reference/color.rs.
 
 // The largest finite f16, and its bits as f32: nothing larger is ever stored.
 const F16_MAX: f32 = 65504.0;
 const F16_MAX_BITS: u32 = 0x477fe000u;
-// The tone map's inverse is finite up to here; brighter colours clip (at 2047).
-const TONEMAPPED_MAX: f32 = 1.0 - 0x1p-11;
-
-const DOMAIN_LINEAR: u32 = 0u;
-const DOMAIN_TONEMAPPED: u32 = 1u;
 
 const SPACE_RGB: u32 = 0u;
 const SPACE_YCOCG: u32 = 1u;
@@ -31,21 +26,6 @@ fn ycocg_to_rgb(c: vec3f) -> vec3f {
 
 fn max3(c: vec3f) -> f32 {
     return max(c.r, max(c.g, c.b));
-}
-
-// From linear to the domain that history lives in. Tone mapping bounds the weight of one bright sample.
-fn to_domain(linear: vec3f, domain: u32) -> vec3f {
-    if (domain == DOMAIN_TONEMAPPED) {
-        return linear / (1.0 + max3(linear));
-    }
-    return linear;
-}
-
-fn from_domain(c: vec3f, domain: u32) -> vec3f {
-    if (domain == DOMAIN_TONEMAPPED) {
-        return c / (1.0 - min(max3(c), TONEMAPPED_MAX));
-    }
-    return c;
 }
 
 // Hostile: NaN, infinite, negative or above F16_MAX. Floats of one sign order like their bits, so one unsigned

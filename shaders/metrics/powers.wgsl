@@ -1,16 +1,5 @@
-// Roots and powers whose accuracy is that of f32 on every adapter: the error of pow is the driver's affair. Twins: `cbrt`
-// and `pow` in src/metrics/flip/color.rs.
-
-// Dividing the bits by three divides the exponent by three, which is right to 6 %; each of Halley's steps cubes the
-// error, so two reach f32. Needs normal x > 0.
-fn cube_root(x: vec3f) -> vec3f {
-    var root = bitcast<vec3f>(bitcast<vec3u>(x) / 3u + vec3u(0x2a514067u));
-    for (var step = 0; step < 2; step++) {
-        let cube = root * root * root;
-        root = root * (cube + 2.0 * x) / (2.0 * cube + x);
-    }
-    return root;
-}
+// Powers whose accuracy is that of f32 on every adapter: the error of pow is the driver's affair. Twin: `pow` in
+// src/metrics/flip/color.rs.
 
 // x to the power p, for x that is 0 or normal, and 0 ≤ p ≤ 1; within 2e-6 of itself.
 fn power(x: f32, p: f32) -> f32 {

@@ -1,6 +1,9 @@
 //! The canonical form of a frame: what every recipe and metric sees, whatever engine it came from.
 
-use crate::image::{Extent, Image};
+use crate::{
+    image::{Extent, Image},
+    metrics::Display,
+};
 use std::fmt;
 
 /// Linear or display-referred RGB.
@@ -104,6 +107,8 @@ pub struct Frame {
     pub jitter_px: [f64; 2],
     /// Distance of the far plane in depth units; infinite where the engine has none.
     pub far: f64,
+    /// How a viewer is shown it, for recipes that work on display values.
+    pub display: Display,
     /// Size of what is to be made of the frame.
     pub output_size: Extent,
     /// Where the frame shades every other pixel: those whose x + y is even (0) or odd (1). At the others colour and albedo

@@ -163,6 +163,7 @@ impl FrameFiles<'_> {
             reset: self.entry.reset || index == 0,
             jitter_px: self.sequence.jitter_px[index],
             far: far_distance(self.entry, manifest.depth.as_ref()),
+            display: manifest.display,
             output_size: manifest.output_size,
             parity,
             color: shaded(color, parity, [0.0; 3]).expect("colour is always read"),

@@ -1,6 +1,6 @@
 //! Checkerboard rendering (`shaders/taa/checkerboard`): the pixels that a frame did not shade.
 
-use super::{Carried, Inputs, Recipe, recorder::Recorder, temporal::Builder};
+use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder};
 use crate::{
     gpu::{GpuError, Pass, Texture},
     image::Extent,
@@ -31,21 +31,15 @@ impl Checkerboard {
         })
     }
 
-    pub fn record(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        recipe: &Recipe,
-        inputs: &Inputs,
-        shown: &Texture,
-    ) -> Result<(), GpuError> {
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, view: View<'_>, shown: &Texture) -> Result<(), GpuError> {
         self.history.advance();
-        let resolve = inputs
-            .bind_to(&self.resolve, recipe)
+        let resolve = view
+            .bind_to(&self.resolve)
             .bind("history", self.history.previous())
             .bind("compensated", &self.nothing)
             .bind("next_history", self.history.current())
             .bind("shown", shown)
-            .over(recorder.gpu, inputs.sizes().render)?;
+            .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&resolve);
         Ok(())
     }

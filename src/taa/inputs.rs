@@ -7,8 +7,9 @@ use super::{
     recorder::{Recorder, Repeat},
 };
 use crate::{
-    gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer},
+    gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer, UniformValue},
     image::Extent,
+    metrics::Display,
     sequence::{Channels, Frame, Sizes},
 };
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,15 +23,24 @@ pub struct Inputs {
     jitter_px: [f64; 2],
     far: f32,
     parity: u32,
+    display: Display,
     color: Texture,
     albedo: Texture,
     unjittered_color: Option<Texture>,
     /// One texel where no recipe reads it, so that every pipeline has something to bind.
     depth: Carried,
     object_id: Carried,
-    pub(super) motion: Texture,
-    pub(super) reactive: Texture,
+    motion: Texture,
+    reactive: Texture,
     prepared: BTreeMap<Preparation, Prepared>,
+}
+
+/// A frame as the passes of one recipe see it.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    inputs: &'a Inputs,
+    /// In the recipe's domain.
+    color: &'a Texture,
 }
 
 /// A colour in a working domain.
@@ -41,8 +51,11 @@ struct Prepared {
     repaired_texels: wgpu::Buffer,
 }
 
-const PREPARE: [&str; 2] = [
+const PREPARE: [&str; 5] = [
     include_str!("../../shaders/taa/temporal/prepare.wgsl"),
+    include_str!("../../shaders/common/domain.wgsl"),
+    include_str!("../../shaders/common/display.wgsl"),
+    include_str!("../../shaders/common/roots.wgsl"),
     include_str!("../../shaders/common/color.wgsl"),
 ];
 
@@ -70,6 +83,7 @@ impl Inputs {
                 jitter_px: [0.0; 2],
                 far: 1.0,
                 parity: 0,
+                display: Display::default(),
                 color: texture("color", TextureFormat::Rgba32Float),
                 unjittered_color: channels
                     .unjittered_color
@@ -90,6 +104,7 @@ impl Inputs {
         self.jitter_px = frame.jitter_px;
         self.far = frame.finite_far() as f32;
         self.parity = frame.parity.unwrap_or_default();
+        self.display = frame.display;
         let is_read = |texture: &Texture| texture.extent() == self.sizes.render;
         gpu.scope("uploading a frame", || {
             self.color.write_rgb(gpu, &frame.color);
@@ -137,6 +152,7 @@ impl Inputs {
                 .bind("input_albedo", &self.albedo)
                 .bind("color", &prepared.color)
                 .bind("repaired_texels", &prepared.repaired_texels)
+                .uniform("display", &self.display_fields())
                 .over(gpu, self.sizes.render)?;
             recorder.record_from_zero(&dispatch, &prepared.repaired_texels);
         }
@@ -148,34 +164,19 @@ impl Inputs {
         &self.prepared[&preparation].repaired_texels
     }
 
-    pub(super) fn sizes(&self) -> Sizes {
-        self.sizes
+    /// The frame as the passes of `recipe` see it.
+    pub(super) fn view(&self, recipe: &Recipe) -> View<'_> {
+        View {
+            inputs: self,
+            color: &self.prepared[&recipe.preparation()].color,
+        }
     }
 
-    /// Starts an invocation of a recipe's pass by binding what every such pass may read
-    /// (`shaders/taa/temporal/recipe.wgsl`).
-    pub(super) fn bind_to<'a>(&'a self, pass: &'a Pass, recipe: &Recipe) -> Invocation<'a> {
-        let [x, y] = self.jitter_px;
-        let Extent { width, height } = self.sizes.output;
-        pass.start()
-            .offer("color", &self.prepared[&recipe.preparation()].color)
-            .offer("depth", self.depth.current())
-            .offer("previous_depth", self.depth.previous())
-            .offer("object_id", self.object_id.current())
-            .offer("previous_object_id", self.object_id.previous())
-            .offer("motion", &self.motion)
-            .offer_uniform(
-                "frame",
-                &[
-                    ("input_weights_x", InputFilter::axis_weights(x).map(|w| w as f32).into()),
-                    ("input_weights_y", InputFilter::axis_weights(y).map(|w| w as f32).into()),
-                    ("jitter_px", [x as f32, y as f32].into()),
-                    ("has_history", u32::from(self.has_history).into()),
-                    ("far", self.far.into()),
-                    ("parity", self.parity.into()),
-                    ("output_size", [width as f32, height as f32].into()),
-                ],
-            )
+    fn display_fields(&self) -> [(&'static str, UniformValue); 2] {
+        [
+            ("exposure", (self.display.exposure as f32).into()),
+            ("tonemap", (self.display.tonemap as u32).into()),
+        ]
     }
 
     fn color_of(&self, source: Source) -> &Texture {
@@ -183,6 +184,46 @@ impl Inputs {
             (Source::UnjitteredIfPresent, Some(texture)) => texture,
             _ => &self.color,
         }
+    }
+}
+
+impl<'a> View<'a> {
+    /// The same frame with another colour, in the same domain.
+    pub fn with_color(self, color: &'a Texture) -> Self {
+        Self { color, ..self }
+    }
+
+    pub fn sizes(self) -> Sizes {
+        self.inputs.sizes
+    }
+
+    /// Starts an invocation of a recipe's pass by binding what every such pass may read
+    /// (`shaders/taa/temporal/recipe.wgsl`).
+    pub fn bind_to(self, pass: &'a Pass) -> Invocation<'a> {
+        let inputs = self.inputs;
+        let [x, y] = inputs.jitter_px;
+        let Extent { width, height } = inputs.sizes.output;
+        pass.start()
+            .offer("color", self.color)
+            .offer("depth", inputs.depth.current())
+            .offer("previous_depth", inputs.depth.previous())
+            .offer("object_id", inputs.object_id.current())
+            .offer("previous_object_id", inputs.object_id.previous())
+            .offer("motion", &inputs.motion)
+            .offer("reactive_mask", &inputs.reactive)
+            .offer_uniform("display", &inputs.display_fields())
+            .offer_uniform(
+                "frame",
+                &[
+                    ("input_weights_x", InputFilter::axis_weights(x).map(|w| w as f32).into()),
+                    ("input_weights_y", InputFilter::axis_weights(y).map(|w| w as f32).into()),
+                    ("jitter_px", [x as f32, y as f32].into()),
+                    ("has_history", u32::from(inputs.has_history).into()),
+                    ("far", inputs.far.into()),
+                    ("parity", inputs.parity.into()),
+                    ("output_size", [width as f32, height as f32].into()),
+                ],
+            )
     }
 }
 

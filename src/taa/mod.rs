@@ -13,7 +13,9 @@ pub mod recipe;
 mod recorder;
 pub mod reference;
 mod resolver;
+mod smaa_area;
 mod sobel2018;
+mod spatial;
 mod temporal;
 
 pub use inputs::Inputs;

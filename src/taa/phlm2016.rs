@@ -1,6 +1,6 @@
 //! Pixel history linear models (`shaders/taa/phlm2016`): the fit of every pixel, and what it is carried in.
 
-use super::{Carried, Inputs, Recipe, recorder::Recorder, temporal::Builder};
+use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder};
 use crate::gpu::{Gpu, GpuError, Pass, Texture};
 use wgpu::{BufferUsages, TextureFormat};
 
@@ -53,24 +53,18 @@ impl Phlm {
         })
     }
 
-    pub fn record(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        recipe: &Recipe,
-        inputs: &Inputs,
-        shown: &Texture,
-    ) -> Result<(), GpuError> {
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, view: View<'_>, shown: &Texture) -> Result<(), GpuError> {
         self.coefficients.advance();
         self.covariances.advance();
         self.feature.advance();
         self.mean.advance();
-        let still = inputs
-            .bind_to(&self.still, recipe)
+        let still = view
+            .bind_to(&self.still)
             .bind("moves", &self.moves)
-            .over(recorder.gpu, inputs.sizes().render)?;
+            .over(recorder.gpu, view.sizes().render)?;
         recorder.record_from_zero(&still, &self.moves);
-        let model = inputs
-            .bind_to(&self.model, recipe)
+        let model = view
+            .bind_to(&self.model)
             .bind("coefficients", self.coefficients.previous())
             .bind("next_coefficients", self.coefficients.current())
             .bind("covariances", self.covariances.previous())
@@ -81,7 +75,7 @@ impl Phlm {
             .bind("next_mean", self.mean.current())
             .bind("moves", &self.moves)
             .bind("shown", shown)
-            .over(recorder.gpu, inputs.sizes().render)?;
+            .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&model);
         Ok(())
     }

@@ -4,7 +4,7 @@ use super::{
     Source,
     recipe::{
         Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen,
-        Space, Weight,
+        Space, Spatial, Weight,
     },
 };
 use serde::Serialize;
@@ -36,6 +36,8 @@ const BASE: Recipe = Recipe {
     phlm_printed: false,
     source: Source::Color,
     domain: Domain::Linear,
+    spatial: Spatial::None,
+    spatial_decodes: true,
     dilation: Dilation::None,
     input_filter: InputFilter::Texel,
     history_filter: HistoryFilter::Bilinear,
@@ -90,8 +92,16 @@ const SALVI: Recipe = Recipe {
     ..BASE
 };
 
+/// Edges are found in what is shown.
+const SPATIAL: Recipe = Recipe {
+    source: Source::UnjitteredIfPresent,
+    domain: Domain::Display,
+    history_filter: HistoryFilter::None,
+    ..BASE
+};
+
 /// Every published system, in the order of their publication.
-pub const PRESETS: [Preset; 16] = [
+pub const PRESETS: [Preset; 19] = [
     Preset {
         id: "none",
         description: "The engine's colour as it is: what anti-aliasing has to improve on",
@@ -260,6 +270,38 @@ pub const PRESETS: [Preset; 16] = [
             neighbourhood: Neighbourhood::Box3,
             rectify: Rectify::ClipCentre,
             ..BASE
+        },
+    },
+    Preset {
+        id: "fxaa",
+        description: "Each frame alone: blurs along and across the edges that luma shows",
+        publication: "Lottes, FXAA 3.11, NVIDIA 2011, quality preset 39",
+        recipe: Recipe {
+            spatial: Spatial::Fxaa,
+            ..SPATIAL
+        },
+    },
+    Preset {
+        id: "smaa",
+        description: "Each frame alone: finds the lines that its edges stand for, and blends by the areas they cut off",
+        publication: "Jimenez et al., SMAA: Enhanced Subpixel Morphological Antialiasing, 2012, preset ultra",
+        recipe: Recipe {
+            spatial: Spatial::Smaa,
+            ..SPATIAL
+        },
+    },
+    Preset {
+        id: "smaa_t2x",
+        description: "SMAA of every frame, half and half with history",
+        publication: "Jimenez et al., SMAA, 2012; Jimenez, Filmic SMAA, SIGGRAPH 2016",
+        recipe: Recipe {
+            spatial: Spatial::Smaa,
+            source: Source::Color,
+            history_filter: HistoryFilter::Bilinear,
+            neighbourhood: Neighbourhood::Box3,
+            rectify: Rectify::ClipCentre,
+            current_weight: 0.5,
+            ..SPATIAL
         },
     },
 ];

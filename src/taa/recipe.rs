@@ -6,7 +6,8 @@ mod blocks;
 mod rules;
 
 pub use blocks::{
-    Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space, Weight,
+    Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space,
+    Spatial, Weight,
 };
 
 use super::Source;
@@ -25,6 +26,11 @@ pub struct Recipe {
     pub source: Source,
     /// See [`Domain`].
     pub domain: Domain,
+    /// See [`Spatial`].
+    pub spatial: Spatial,
+    /// Decode the sRGB of the domain `display` before a spatial filter mixes colours and encode after, as a sampler of an sRGB
+    /// texture does.
+    pub spatial_decodes: bool,
     /// See [`Dilation`].
     pub dilation: Dilation,
     /// See [`InputFilter`].
@@ -182,6 +188,7 @@ impl Recipe {
         vec![
             ("phlm_printed", flag(self.phlm_printed)),
             ("domain", number(self.domain as u32)),
+            ("spatial_decodes", flag(self.spatial_decodes)),
             ("space", number(self.space as u32)),
             ("dilation", number(self.dilation as u32)),
             ("input_filter", number(self.input_filter as u32)),

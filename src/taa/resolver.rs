@@ -6,6 +6,7 @@ use super::{
     phlm2016::Phlm,
     recipe::Algorithm,
     recorder::{Recorder, Repeat},
+    spatial::Antialiasing,
     temporal::{Builder, Temporal},
 };
 use crate::{
@@ -18,6 +19,7 @@ use wgpu::TextureFormat;
 #[derive(Debug)]
 pub struct Resolver {
     recipe: Recipe,
+    antialiasing: Option<Antialiasing>,
     passes: Passes,
     shown: Texture,
 }
@@ -45,12 +47,14 @@ impl Resolver {
             recipe: &recipe,
             sizes,
         };
+        let antialiasing = Antialiasing::new(builder)?;
         let passes = match recipe.algorithm {
             Algorithm::Temporal => Passes::Temporal(Box::new(Temporal::new(builder)?)),
             Algorithm::Phlm2016 => Passes::Phlm2016(Box::new(Phlm::new(builder)?)),
             Algorithm::Checkerboard => Passes::Checkerboard(Box::new(Checkerboard::new(builder)?)),
         };
         gpu.scope("making room for the shown image", || Self {
+            antialiasing,
             passes,
             shown: Texture::new(gpu, "shown", sizes.output, TextureFormat::Rgba32Float),
             recipe,
@@ -78,10 +82,15 @@ impl Resolver {
             timer,
             repeat,
         };
+        let mut view = inputs.view(&self.recipe);
+        if let Some(antialiasing) = &self.antialiasing {
+            antialiasing.record(&mut recorder, view)?;
+            view = view.with_color(antialiasing.antialiased());
+        }
         match &mut self.passes {
-            Passes::Temporal(temporal) => temporal.record(&mut recorder, &self.recipe, inputs, &self.shown),
-            Passes::Phlm2016(phlm) => phlm.record(&mut recorder, &self.recipe, inputs, &self.shown),
-            Passes::Checkerboard(checkerboard) => checkerboard.record(&mut recorder, &self.recipe, inputs, &self.shown),
+            Passes::Temporal(temporal) => temporal.record(&mut recorder, view, &self.shown),
+            Passes::Phlm2016(phlm) => phlm.record(&mut recorder, view, &self.shown),
+            Passes::Checkerboard(checkerboard) => checkerboard.record(&mut recorder, view, &self.shown),
         }
     }
 
@@ -94,10 +103,12 @@ impl Resolver {
 impl Recipe {
     /// The names of the passes that a [`Resolver`] records for one frame, in order.
     pub fn passes(&self) -> Vec<&'static str> {
+        let mut passes = Antialiasing::passes(self.spatial).to_vec();
         match self.algorithm {
-            Algorithm::Temporal => Temporal::passes(self),
-            Algorithm::Phlm2016 => Phlm::PASSES.to_vec(),
-            Algorithm::Checkerboard => Checkerboard::PASSES.to_vec(),
+            Algorithm::Temporal => passes.extend(Temporal::passes(self)),
+            Algorithm::Phlm2016 => passes.extend(Phlm::PASSES),
+            Algorithm::Checkerboard => passes.extend(Checkerboard::PASSES),
         }
+        passes
     }
 }

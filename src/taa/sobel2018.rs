@@ -1,6 +1,6 @@
 //! The edges that widen the box `sobel` (`shaders/taa/sobel2018`): found in the frame, then made stable over time.
 
-use super::{Carried, Inputs, Recipe, recorder::Recorder, temporal::Builder};
+use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder};
 use crate::gpu::{GpuError, Pass, Texture};
 use wgpu::TextureFormat;
 
@@ -35,20 +35,20 @@ impl Edges {
         })
     }
 
-    pub fn record(&mut self, recorder: &mut Recorder<'_>, recipe: &Recipe, inputs: &Inputs) -> Result<(), GpuError> {
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, view: View<'_>) -> Result<(), GpuError> {
         self.history.advance();
-        let find = inputs
-            .bind_to(&self.find, recipe)
+        let find = view
+            .bind_to(&self.find)
             .bind("edges", &self.edges)
-            .over(recorder.gpu, inputs.sizes().render)?;
+            .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&find);
-        let stabilise = inputs
-            .bind_to(&self.stabilise, recipe)
+        let stabilise = view
+            .bind_to(&self.stabilise)
             .bind("edges", &self.edges)
             .bind("edge_history", self.history.previous())
             .bind("next_edge_history", self.history.current())
             .bind("stabilised", &self.stable)
-            .over(recorder.gpu, inputs.sizes().render)?;
+            .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&stabilise);
         Ok(())
     }

@@ -5,7 +5,8 @@ mod difference;
 mod moments;
 
 use super::{
-    Carried, Inputs, Precision, Recipe,
+    Carried, Precision, Recipe,
+    inputs::View,
     recipe::{HistoryFilter, Sharpen},
     recorder::Recorder,
     sobel2018::Edges,
@@ -21,7 +22,7 @@ use moments::Moments;
 use wgpu::TextureFormat;
 
 /// What every pass of a recipe is compiled with.
-const SHARED: [&str; 11] = [
+const SHARED: [&str; 17] = [
     include_str!("../../shaders/taa/temporal/recipe.wgsl"),
     include_str!("../../shaders/taa/temporal/reproject.wgsl"),
     include_str!("../../shaders/taa/temporal/filters.wgsl"),
@@ -30,8 +31,14 @@ const SHARED: [&str; 11] = [
     include_str!("../../shaders/taa/temporal/weight.wgsl"),
     include_str!("../../shaders/taa/temporal/output.wgsl"),
     include_str!("../../shaders/taa/sobel2018/box.wgsl"),
+    include_str!("../../shaders/taa/spatial/color.wgsl"),
+    include_str!("../../shaders/taa/spatial/smaa_area.wgsl"),
+    include_str!("../../shaders/taa/spatial/smaa_diagonals.wgsl"),
     include_str!("../../shaders/common/rectify.wgsl"),
     include_str!("../../shaders/common/sampling.wgsl"),
+    include_str!("../../shaders/common/domain.wgsl"),
+    include_str!("../../shaders/common/display.wgsl"),
+    include_str!("../../shaders/common/roots.wgsl"),
     include_str!("../../shaders/common/color.wgsl"),
 ];
 const RESOLVE: &str = include_str!("../../shaders/taa/temporal/resolve.wgsl");
@@ -149,38 +156,31 @@ impl Temporal {
     }
 
     /// Records the frame's passes; the last writes `shown`.
-    pub fn record(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        recipe: &Recipe,
-        inputs: &Inputs,
-        shown: &Texture,
-    ) -> Result<(), GpuError> {
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, view: View<'_>, shown: &Texture) -> Result<(), GpuError> {
         self.history.advance();
         self.n_samples.advance();
         let history = self.history.previous();
         let nothing = &self.nothing;
         if let Some(compensation) = &self.compensation {
-            compensation.record(recorder, recipe, inputs, history)?;
+            compensation.record(recorder, view, history)?;
         }
         let compensated = self.compensation.as_ref().map_or(nothing, Compensation::compensated);
         if let Some(difference) = &self.difference {
-            difference.record(recorder, recipe, inputs, history, compensated)?;
+            difference.record(recorder, view, history, compensated)?;
         }
         if let Some(moments) = &self.moments {
-            moments.record(recorder, recipe, inputs)?;
+            moments.record(recorder, view)?;
         }
         if let Some(edges) = &mut self.edges {
-            edges.record(recorder, recipe, inputs)?;
+            edges.record(recorder, view)?;
         }
-        let resolve = inputs
-            .bind_to(&self.resolve, recipe)
+        let resolve = view
+            .bind_to(&self.resolve)
             .bind("history", history)
             .bind("compensated", compensated)
             .bind("next_history", self.history.current())
             .bind("n_samples", self.n_samples.previous())
             .bind("next_n_samples", self.n_samples.current())
-            .bind("reactive_mask", &inputs.reactive)
             .bind(
                 "difference_rows",
                 self.difference.as_ref().map_or(nothing, Difference::rows),
@@ -192,14 +192,14 @@ impl Temporal {
             )
             .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
             .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved))
-            .over(recorder.gpu, inputs.sizes().output)?;
+            .over(recorder.gpu, view.sizes().output)?;
         recorder.record(&resolve);
         if let Some((sharpen, resolved)) = &self.sharpen {
-            let sharpen = inputs
-                .bind_to(sharpen, recipe)
+            let sharpen = view
+                .bind_to(sharpen)
                 .bind("resolved", resolved)
                 .bind("shown", shown)
-                .over(recorder.gpu, inputs.sizes().output)?;
+                .over(recorder.gpu, view.sizes().output)?;
             recorder.record(&sharpen);
         }
         Ok(())

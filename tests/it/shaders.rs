@@ -127,7 +127,7 @@ fn variants_have_the_numbers_that_the_shaders_know() {
             check(&constants, $prefix, &[$(($type::$variant, $type::$variant as u32)),*])
         };
     }
-    check!("DOMAIN", Domain: Linear, Tonemapped);
+    check!("DOMAIN", Domain: Linear, Tonemapped, Display);
     check!("SPACE", Space: Rgb, Ycocg);
     check!("DILATION", Dilation: None, Closest, Longest);
     check!("INPUT", InputFilter: Texel, Unjitter, BlackmanHarris, Upsample);

@@ -3,6 +3,7 @@
 
 override phlm_printed: bool;
 override domain: u32;
+override spatial_decodes: bool;
 override space: u32;
 override dilation: u32;
 override input_filter: u32;

@@ -51,6 +51,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (domain == DOMAIN_TONEMAPPED) {
         c = min(c, vec3f(TONEMAPPED_MAX));
     }
+    if (domain == DOMAIN_DISPLAY) {
+        c = saturate(c);
+    }
     if (motion_blur) {
         c = blur_along_motion(p, c, dilated_motion(p));
     }

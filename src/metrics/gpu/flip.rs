@@ -15,6 +15,7 @@ use crate::gpu::{GpuError, Invocation, Pass, Texture, UniformValue};
 use wgpu::{BufferUsages, TextureFormat};
 
 const POWERS: &str = include_str!("../../../shaders/metrics/powers.wgsl");
+const ROOTS: &str = include_str!("../../../shaders/common/roots.wgsl");
 const COLOR: &str = include_str!("../../../shaders/metrics/flip/color.wgsl");
 const DISPLAYED: &str = include_str!("../../../shaders/metrics/flip/displayed.wgsl");
 const EXPOSED: &str = include_str!("../../../shaders/metrics/flip/exposed.wgsl");
@@ -205,7 +206,7 @@ fn mean_pass(setup: &Setup) -> Result<SumPass<1>, GpuError> {
 }
 
 fn color_pass(setup: &Setup, label: &str, shader: &str) -> Result<Pass, GpuError> {
-    Pass::new(setup.gpu, label, &[shader, COLOR, POWERS], &spread())
+    Pass::new(setup.gpu, label, &[shader, COLOR, POWERS, ROOTS], &spread())
 }
 
 fn sum(
@@ -246,7 +247,7 @@ impl Eye {
             see: Pass::new(
                 setup.gpu,
                 "metrics: flip, columns",
-                &[SEE, FILTERS, COLOR, POWERS],
+                &[SEE, FILTERS, COLOR, POWERS, ROOTS],
                 &[&shares[..], &spread()].concat(),
             )?,
             taps: buffer,

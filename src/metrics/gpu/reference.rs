@@ -17,8 +17,9 @@ use crate::{
 use wgpu::TextureFormat;
 
 const COLOR: &str = include_str!("../../../shaders/common/color.wgsl");
-const POWERS: &str = include_str!("../../../shaders/metrics/powers.wgsl");
-const DISPLAY: &str = include_str!("../../../shaders/metrics/display.wgsl");
+const DISPLAY: &str = include_str!("../../../shaders/common/display.wgsl");
+const ROOTS: &str = include_str!("../../../shaders/common/roots.wgsl");
+const SHOW: &str = include_str!("../../../shaders/metrics/display.wgsl");
 pub const REPROJECT: &str = include_str!("../../../shaders/metrics/reproject.wgsl");
 const CLASSIFY: &str = include_str!("../../../shaders/metrics/classify.wgsl");
 const REFERENCE_CHANGE: &str = include_str!("../../../shaders/metrics/reference_change.wgsl");
@@ -59,7 +60,13 @@ impl Show {
             ("exposure", display.exposure),
             ("tonemap", f64::from(display.tonemap as u32)),
         ];
-        Pass::new(setup.gpu, "metrics: display", &[DISPLAY, COLOR, POWERS], &overrides).map(Self)
+        Pass::new(
+            setup.gpu,
+            "metrics: display",
+            &[SHOW, DISPLAY, ROOTS, COLOR],
+            &overrides,
+        )
+        .map(Self)
     }
 
     pub fn record(&self, recording: &mut Recording, linear: &Texture, shown: &Texture) -> Result<(), GpuError> {

@@ -15,6 +15,18 @@ pub enum Algorithm {
     Checkerboard,
 }
 
+/// How each frame is anti-aliased by itself, before anything else reads its colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Spatial {
+    /// Not at all.
+    None,
+    /// FXAA 3.11, quality preset 39.
+    Fxaa,
+    /// SMAA 1x, preset ultra.
+    Smaa,
+}
+
 /// Which texel's motion vector a pixel uses, over the 3×3 around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -148,6 +160,8 @@ pub enum Domain {
     Linear,
     /// `c / (1 + max(r, g, b))`.
     Tonemapped,
+    /// As shown: the sequence's display transform.
+    Display,
 }
 
 /// How the shown image is sharpened.

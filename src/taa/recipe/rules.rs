@@ -1,7 +1,8 @@
 //! What a recipe's parameters must be: whether a rule holds, the parameter that breaks it, and what would be right.
 
 use super::{
-    Algorithm, Dilation, Domain, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Weight,
+    Algorithm, Dilation, Domain, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Spatial,
+    Weight,
 };
 
 type Rule = (bool, &'static str, &'static str);
@@ -69,15 +70,20 @@ pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
             "needs the space `ycocg`",
         ),
         (
-            recipe.sharpen != Sharpen::Rcas || recipe.domain == Domain::Tonemapped,
+            recipe.sharpen != Sharpen::Rcas || recipe.domain != Domain::Linear,
             "sharpen",
-            "`rcas` needs the domain `tonemapped`",
+            "`rcas` needs a domain other than `linear`",
         ),
         (
             recipe.reproject
                 || !(recipe.motion_weight || recipe.motion_blur || recipe.reject_depth || recipe.reject_id),
             "reproject",
             "must be on for `motion_weight`, `motion_blur`, `reject_depth` and `reject_id`",
+        ),
+        (
+            recipe.spatial == Spatial::None || recipe.domain != Domain::Linear,
+            "spatial",
+            "needs a domain other than `linear`: its thresholds are of values within 0 to 1",
         ),
         (
             recipe.rectify == Rectify::None || has_box,
@@ -105,6 +111,11 @@ pub fn algorithms(recipe: &Recipe) -> Vec<Rule> {
             is_temporal || recipe.reproject && recipe.history_filter != HistoryFilter::None,
             "algorithm",
             "only `temporal` can do without reprojected history",
+        ),
+        (
+            recipe.spatial == Spatial::None || recipe.algorithm != Algorithm::Checkerboard,
+            "spatial",
+            "must be `none` for `checkerboard`, which leaves out the neighbours",
         ),
         (
             recipe.input_filter != InputFilter::Upsample

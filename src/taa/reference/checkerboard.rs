@@ -96,6 +96,7 @@ impl<R: Real> Pixels<'_, R> {
 mod tests {
     use crate::{
         image::{Extent, Image},
+        metrics::Display,
         sequence::Frame,
         taa::{Precision, Preset, reference::Twin},
     };
@@ -108,6 +109,7 @@ mod tests {
             reset: false,
             jitter_px: [0.0; 2],
             far: 100.0,
+            display: Display::default(),
             output_size: EXTENT,
             parity: Some(1 - index as u32),
             color: Image::from_fn(EXTENT, |x, y| [gray[y as usize][x as usize]; 3]),

@@ -1,8 +1,9 @@
 //! Colours, colour spaces, the working domain and the repair of hostile texels: the twin of `shaders/common/color.wgsl`.
 
-use super::real::Real;
+use super::{display, real::Real};
 use crate::{
     image::Image,
+    metrics::Display,
     sequence::frame::Rgb,
     taa::recipe::{Domain, Space},
 };
@@ -14,9 +15,6 @@ pub struct Color<R>(pub [R; 3]);
 
 /// The largest finite f16: nothing larger is ever stored.
 pub const F16_MAX: f64 = 65504.0;
-
-/// Where the tone map's inverse still is finite: `1 - 2⁻¹¹`.
-pub const TONEMAPPED_MAX: f64 = 1.0 - 1.0 / 2048.0;
 
 impl<R: Real> Color<R> {
     /// The same value in every channel.
@@ -92,21 +90,20 @@ impl<R: Real> Color<R> {
     }
 
     /// From linear to the domain that history lives in.
-    pub fn to_domain(self, domain: Domain) -> Self {
+    pub fn to_domain(self, domain: Domain, display: &Display) -> Self {
         match domain {
             Domain::Linear => self,
-            Domain::Tonemapped => self * (R::new(1.0) / (R::new(1.0) + self.max3())),
+            Domain::Tonemapped => display::reinhard_max(self),
+            Domain::Display => display::shown(self, display),
         }
     }
 
     /// Back to linear.
-    pub fn from_domain(self, domain: Domain) -> Self {
+    pub fn from_domain(self, domain: Domain, display: &Display) -> Self {
         match domain {
             Domain::Linear => self,
-            Domain::Tonemapped => {
-                let max = self.max3().min(R::new(TONEMAPPED_MAX));
-                self * (R::new(1.0) / (R::new(1.0) - max))
-            }
+            Domain::Tonemapped => display::inverse_reinhard_max(self),
+            Domain::Display => display::linear(self, display),
         }
     }
 
@@ -165,12 +162,17 @@ pub struct Prepared<R> {
 }
 
 /// Repairs a frame's colour, and its albedo where that is read, and maps the colour into `domain`.
-pub fn prepare<R: Real>(color: &Image<Rgb>, albedo: Option<&Image<Rgb>>, domain: Domain) -> Prepared<R> {
+pub fn prepare<R: Real>(
+    color: &Image<Rgb>,
+    albedo: Option<&Image<Rgb>>,
+    domain: Domain,
+    display: &Display,
+) -> Prepared<R> {
     let any_hostile = |rgb: &Rgb| rgb.iter().any(|&channel| is_hostile(channel));
     let repaired = |rgb: Rgb| Color(rgb.map(|channel| R::new(f64::from(repair(channel)))));
     let needed_repair =
         |i: &usize| any_hostile(&color.pixels()[*i]) || albedo.is_some_and(|albedo| any_hostile(&albedo.pixels()[*i]));
-    let prepared = color.map(|rgb| repaired(rgb).to_domain(domain));
+    let prepared = color.map(|rgb| repaired(rgb).to_domain(domain, display));
     Prepared {
         unlit_luma: match albedo {
             Some(albedo) => albedo.map(|rgb| repaired(rgb).luma()),

@@ -3,6 +3,8 @@
 
 mod checkerboard;
 pub mod color;
+mod display;
+mod fxaa;
 mod hull;
 mod neighbourhood;
 mod output;
@@ -11,7 +13,9 @@ pub mod real;
 mod rectify;
 mod reproject;
 mod sampling;
+mod smaa;
 mod sobel2018;
+mod spatial;
 mod upsample;
 mod weight;
 
@@ -97,7 +101,8 @@ impl<R: Real> Twin<R> {
             _ => &frame.color,
         };
         let albedo = frame.albedo.as_ref().filter(|_| self.recipe.optional_channels().albedo);
-        let prepared = color::prepare(source, albedo, self.recipe.domain);
+        let prepared = color::prepare(source, albedo, self.recipe.domain, &frame.display);
+        let color = spatial::antialiased(prepared.color, &self.recipe);
         let previous = self.previous.take().filter(|_| frame.index > 0 && !frame.reset);
         let jitter_px = frame.jitter_px.map(R::new);
         let pixels = Pixels {
@@ -107,7 +112,7 @@ impl<R: Real> Twin<R> {
             scale: sizes.scale().map(R::new),
             jitter_px,
             input_weights: blackman_harris(jitter_px),
-            color: &prepared.color,
+            color: &color,
             previous: previous.as_ref(),
             compensated: None,
             differences: None,
@@ -118,7 +123,9 @@ impl<R: Real> Twin<R> {
             Algorithm::Phlm2016 => pixels.phlm(),
             Algorithm::Checkerboard => pixels.checkerboard(),
         };
-        let shown = resolved.shown.map(|color| color.from_domain(self.recipe.domain).0);
+        let shown = resolved
+            .shown
+            .map(|color| color.from_domain(self.recipe.domain, &frame.display).0);
         let mut left = resolved.left;
         if self.precision == Precision::F16 {
             left.history = rounded(&left.history);

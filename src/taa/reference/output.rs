@@ -1,11 +1,6 @@
 //! The output stage: the twin of `shaders/taa/temporal/{output,sharpen}.wgsl`.
 
-use super::{
-    Pixels,
-    color::{Color, TONEMAPPED_MAX},
-    real::Real,
-    sampling::bilinear,
-};
+use super::{Pixels, color::Color, display::TONEMAPPED_MAX, real::Real, sampling::bilinear};
 use crate::{
     image::Image,
     taa::recipe::{Domain, Sharpen},
@@ -36,6 +31,7 @@ impl<R: Real> Pixels<'_, R> {
         match self.recipe.domain {
             Domain::Linear => positive,
             Domain::Tonemapped => positive.min(Color::splat(TONEMAPPED_MAX)),
+            Domain::Display => positive.min(Color::splat(1.0)),
         }
     }
 

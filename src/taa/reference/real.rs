@@ -27,6 +27,8 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// e to this power, the same on every platform.
     fn exp(self) -> Self;
+    /// The power of a number that is not negative, the same on every platform.
+    fn powf(self, exponent: Self) -> Self;
     /// The largest integer not above.
     fn floor(self) -> Self;
     /// The nearest f16, ties to even.
@@ -71,6 +73,9 @@ impl Real for f32 {
     fn exp(self) -> Self {
         libm::expf(self)
     }
+    fn powf(self, exponent: Self) -> Self {
+        libm::powf(self, exponent)
+    }
     fn floor(self) -> Self {
         Self::floor(self)
     }
@@ -91,6 +96,9 @@ impl Real for f64 {
     }
     fn exp(self) -> Self {
         libm::exp(self)
+    }
+    fn powf(self, exponent: Self) -> Self {
+        libm::pow(self, exponent)
     }
     fn floor(self) -> Self {
         Self::floor(self)

@@ -10,7 +10,7 @@ pub fn clip_centre<R: Real>(history: Color<R>, bounds: &ColorBox<R>, domain: Dom
     let centre = (bounds.lo + bounds.hi) * R::new(0.5);
     let smallest = match domain {
         Domain::Linear => centre.max(Color::splat(1.0)) * step,
-        Domain::Tonemapped => Color::splat(1.0) * step,
+        Domain::Tonemapped | Domain::Display => Color::splat(1.0) * step,
     };
     let half_extent = ((bounds.hi - bounds.lo) * R::new(0.5)).max(smallest);
     let offset = history - centre;

@@ -74,6 +74,7 @@ fn kernel<R: Real>([x, y]: [R; 2]) -> R {
 mod tests {
     use crate::{
         image::{Extent, Image},
+        metrics::Display,
         sequence::Frame,
         taa::{Precision, Preset, Recipe, reference::Twin},
     };
@@ -90,6 +91,7 @@ mod tests {
             reset: false,
             jitter_px: [0.0; 2],
             far: 100.0,
+            display: Display::default(),
             output_size,
             parity: None,
             color: Image::from_fn(extent, |x, _| [colors[x as usize]; 3]),

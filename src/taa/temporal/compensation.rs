@@ -3,7 +3,7 @@
 use super::Builder;
 use crate::{
     gpu::{GpuError, Pass, Texture},
-    taa::{Inputs, Recipe, recorder::Recorder},
+    taa::{inputs::View, recorder::Recorder},
 };
 
 const ADVECT: &str = include_str!("../../../shaders/taa/temporal/advect.wgsl");
@@ -32,25 +32,19 @@ impl Compensation {
         })
     }
 
-    pub fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        recipe: &Recipe,
-        inputs: &Inputs,
-        history: &Texture,
-    ) -> Result<(), GpuError> {
-        let advect = inputs
-            .bind_to(&self.advect, recipe)
+    pub fn record(&self, recorder: &mut Recorder<'_>, view: View<'_>, history: &Texture) -> Result<(), GpuError> {
+        let advect = view
+            .bind_to(&self.advect)
             .bind("history", history)
             .bind("advected", &self.advected)
-            .over(recorder.gpu, inputs.sizes().output)?;
+            .over(recorder.gpu, view.sizes().output)?;
         recorder.record(&advect);
-        let compensate = inputs
-            .bind_to(&self.compensate, recipe)
+        let compensate = view
+            .bind_to(&self.compensate)
             .bind("history", history)
             .bind("advected", &self.advected)
             .bind("next_compensated", &self.compensated)
-            .over(recorder.gpu, inputs.sizes().output)?;
+            .over(recorder.gpu, view.sizes().output)?;
         recorder.record(&compensate);
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::Builder;
 use crate::{
     gpu::{GpuError, Pass, Texture},
-    taa::{Inputs, Recipe, recorder::Recorder},
+    taa::{inputs::View, recorder::Recorder},
 };
 
 const OF_PIXEL: &str = include_str!("../../../shaders/taa/temporal/difference.wgsl");
@@ -35,23 +35,22 @@ impl Difference {
     pub fn record(
         &self,
         recorder: &mut Recorder<'_>,
-        recipe: &Recipe,
-        inputs: &Inputs,
+        view: View<'_>,
         history: &Texture,
         compensated: &Texture,
     ) -> Result<(), GpuError> {
-        let of_pixel = inputs
-            .bind_to(&self.of_pixel, recipe)
+        let of_pixel = view
+            .bind_to(&self.of_pixel)
             .bind("history", history)
             .bind("compensated", compensated)
             .bind("difference", &self.pixels)
-            .over(recorder.gpu, inputs.sizes().render)?;
+            .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&of_pixel);
         let of_row = self
             .of_row
             .bind("difference", &self.pixels)
             .bind("rows", &self.rows)
-            .over(recorder.gpu, inputs.sizes().render)?;
+            .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&of_row);
         Ok(())
     }

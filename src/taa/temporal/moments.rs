@@ -4,13 +4,15 @@ use super::Builder;
 use crate::{
     gpu::{GpuError, Pass, Texture},
     image::Extent,
-    taa::{Inputs, Recipe, recorder::Recorder},
+    taa::{inputs::View, recorder::Recorder},
 };
 
 const MOMENTS: &str = include_str!("../../../shaders/taa/temporal/moments.wgsl");
 
 #[derive(Debug)]
 pub struct Moments {
+    /// Side, texels.
+    window: u32,
     along_rows: Pass,
     along_columns: Pass,
     rows: Distribution,
@@ -35,6 +37,7 @@ impl Moments {
             variances: builder.color("variances", builder.sizes.render),
         };
         builder.gpu.scope("making room for moments", || Self {
+            window: builder.recipe.variance_window,
             along_rows,
             along_columns,
             rows: distribution(),
@@ -42,20 +45,20 @@ impl Moments {
         })
     }
 
-    pub fn record(&self, recorder: &mut Recorder<'_>, recipe: &Recipe, inputs: &Inputs) -> Result<(), GpuError> {
-        let Extent { width, height } = inputs.sizes().render;
-        let n = recipe.variance_window;
+    pub fn record(&self, recorder: &mut Recorder<'_>, view: View<'_>) -> Result<(), GpuError> {
+        let Extent { width, height } = view.sizes().render;
+        let n = self.window;
         // The pass over rows reads none, but a texture that is written may not be bound for reading as well.
-        let rows = inputs
-            .bind_to(&self.along_rows, recipe)
+        let rows = view
+            .bind_to(&self.along_rows)
             .bind("row_means", &self.windows.means)
             .bind("row_variances", &self.windows.variances)
             .bind("means", &self.rows.means)
             .bind("variances", &self.rows.variances)
             .over(recorder.gpu, Extent::new(width.div_ceil(n), height))?;
         recorder.record(&rows);
-        let columns = inputs
-            .bind_to(&self.along_columns, recipe)
+        let columns = view
+            .bind_to(&self.along_columns)
             .bind("row_means", &self.rows.means)
             .bind("row_variances", &self.rows.variances)
             .bind("means", &self.windows.means)

@@ -7,7 +7,7 @@ use afterimage::{
     gpu::{Gpu, ReadbackPool, Texture, Timer},
     image::{Extent, Image},
     metrics::{
-        Better, Display, FrameScores, LateValue, Mask, Metric, MetricError, Picture, Reference,
+        Better, Display, FrameScores, LateValue, Mask, Metric, MetricError, Picture, Reference, Tonemap,
         gpu::{DeviceTrack, GpuMetrics, Recording, ScoredFrame},
     },
     sequence::{Channels, Frame, frame::Rgb},
@@ -95,6 +95,10 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         reset: index == 20,
         jitter_px: [halton(2), halton(3)],
         far: 100.0,
+        display: Display {
+            exposure: 0.75,
+            tonemap: Tonemap::ReinhardMax,
+        },
         output_size: extent,
         parity: Some(index as u32 % 2),
         color,
