@@ -12,6 +12,7 @@ pub mod gpu;
 pub mod image;
 pub mod metrics;
 pub mod run;
+pub mod scene;
 pub mod sequence;
 pub mod server;
 pub mod store;

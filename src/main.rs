@@ -21,6 +21,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Run(cli::run::Arguments),
+    Bake(cli::bake::Arguments),
     Compare(cli::compare::Arguments),
     Serve(cli::serve::Arguments),
     Submit(cli::submit::Arguments),
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
     cli::log_to_stderr();
     let outcome = match arguments.command {
         Command::Run(arguments) => cli::run::run(&arguments),
+        Command::Bake(arguments) => cli::bake::run(&arguments),
         Command::Compare(arguments) => cli::compare::run(&arguments),
         Command::Serve(arguments) => cli::serve::run(arguments),
         Command::Submit(arguments) => cli::submit::run(&arguments),

@@ -6,6 +6,7 @@
     reason = "printing is what a command line is for"
 )]
 
+pub mod bake;
 pub mod compare;
 pub mod list;
 pub mod run;

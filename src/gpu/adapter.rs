@@ -53,8 +53,12 @@ impl Gpu {
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("afterimage"),
-            // Times are left out of the report where the adapter has no timestamps.
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            // Times are left out of the report where the adapter has no timestamps; scenes with transparent layers are
+            // refused where it cannot blend 32-bit floats.
+            required_features: adapter.features()
+                & (wgpu::Features::TIMESTAMP_QUERY
+                    | wgpu::Features::FLOAT32_BLENDABLE
+                    | wgpu::Features::FLOAT32_FILTERABLE),
             required_limits: adapter.limits(),
             ..Default::default()
         }))
@@ -70,6 +74,11 @@ impl Gpu {
     /// Whether the adapter runs on the host's own cores.
     pub fn is_cpu(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Whether 32-bit float targets can be blended.
+    pub fn can_blend_f32(&self) -> bool {
+        self.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE)
     }
 
     /// The largest width or height of a texture.

@@ -1,15 +1,19 @@
-//! The GPU as the rest of the crate sees it: an adapter ([`Gpu`]), compute passes that bind by WGSL name ([`Pass`]),
-//! textures, read-back and timestamps. Knows nothing of frames, recipes or metrics.
+//! The GPU as the rest of the crate sees it: an adapter ([`Gpu`]), compute passes and raster pipelines that bind by WGSL name ([`Pass`],
+//! [`Raster`]), textures, read-back and timestamps. Knows nothing of frames, recipes or metrics.
 
 mod adapter;
 mod pass;
+mod raster;
 mod readback;
+mod reflection;
 mod texture;
 mod timer;
 
 pub use adapter::{Gpu, NO_DRIVER, adapters};
-pub use pass::{Bound, Dispatch, Invocation, Pass, UniformValue};
+pub use pass::{Bound, Dispatch, Invocation, Pass};
+pub use raster::{DepthTest, Raster, RasterBound, RasterSpec};
 pub use readback::{Readback, ReadbackPool};
+pub use reflection::UniformValue;
 pub use texture::Texture;
 pub use timer::{Timer, Times};
 

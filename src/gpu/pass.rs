@@ -5,10 +5,12 @@
 //! ```
 //! A missing, unknown or twice-bound name is an error that names the pass, and so is an override or a uniform's field.
 
-use super::{Gpu, GpuError, Texture};
+use super::{
+    Gpu, GpuError, Texture,
+    reflection::{Binding, Reflection, UniformValue},
+};
 use crate::image::Extent;
 use std::collections::BTreeMap;
-use wgpu::naga;
 
 /// A compiled compute shader and what it binds.
 #[derive(Debug)]
@@ -20,55 +22,6 @@ pub struct Pass {
     bindings: BTreeMap<String, Binding>,
     workgroup: [u32; 2],
 }
-
-#[derive(Debug)]
-struct Binding {
-    index: u32,
-    uniform: Option<UniformLayout>,
-}
-
-#[derive(Debug)]
-struct UniformLayout {
-    /// Bytes.
-    size: u32,
-    /// Byte offset and size of each field.
-    fields: BTreeMap<String, (u32, u32)>,
-}
-
-/// One field of a uniform.
-#[derive(Clone, Copy, Debug)]
-pub enum UniformValue {
-    /// `u32`
-    U32(u32),
-    /// `f32`
-    F32(f32),
-    /// `vec2f`
-    Vec2([f32; 2]),
-    /// `vec3f`
-    Vec3([f32; 3]),
-}
-
-impl UniformValue {
-    fn bytes(&self) -> &[u8] {
-        match self {
-            Self::U32(value) => bytemuck::bytes_of(value),
-            Self::F32(value) => bytemuck::bytes_of(value),
-            Self::Vec2(value) => bytemuck::bytes_of(value),
-            Self::Vec3(value) => bytemuck::bytes_of(value),
-        }
-    }
-}
-
-macro_rules! from {
-    ($($type:ty => $variant:ident),*) => {
-        $(impl From<$type> for UniformValue {
-            fn from(value: $type) -> Self {
-                Self::$variant(value)
-            }
-        })*
-    };
-}
-from!(u32 => U32, f32 => F32, [f32; 2] => Vec2, [f32; 3] => Vec3);
 
 /// A resource that a name can be bound to.
 #[derive(Clone, Copy, Debug)]
@@ -101,9 +54,9 @@ impl Pass {
             message,
         };
         let source = sources.join("\n");
-        let reflected = Reflection::new(&source).map_err(error)?;
+        let reflected = Reflection::new(&source, &["main"]).map_err(error)?;
         let mut constants = overrides.to_vec();
-        let mut workgroup = reflected.workgroup;
+        let mut workgroup = reflected.workgroup.unwrap_or([1, 1]);
         if reflected.overrides.contains("WORKGROUP_X") {
             workgroup = gpu.workgroup();
             constants.push(("WORKGROUP_X", f64::from(workgroup[0])));
@@ -305,100 +258,7 @@ impl Pass {
     }
 
     fn uniform_buffer(&self, gpu: &Gpu, name: &str, fields: &[(&str, UniformValue)]) -> Result<wgpu::Buffer, GpuError> {
-        let Some(layout) = &self.binding(name)?.uniform else {
-            return Err(self.error(format!("`{name}` is not a uniform")));
-        };
-        if let Some(missing) = layout
-            .fields
-            .keys()
-            .find(|field| !fields.iter().any(|(set, _)| set == field))
-        {
-            return Err(self.error(format!("`{name}.{missing}` is not set")));
-        }
-        let mut bytes = vec![0; layout.size as usize];
-        for (field, value) in fields {
-            let &(offset, size) = layout
-                .fields
-                .get(*field)
-                .ok_or_else(|| self.error(format!("`{name}` has no field `{field}`")))?;
-            let value = value.bytes();
-            if value.len() != size as usize {
-                return Err(self.error(format!("`{name}.{field}` has {size} bytes, not {}", value.len())));
-            }
-            bytes[offset as usize..][..value.len()].copy_from_slice(value);
-        }
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(name),
-            size: u64::from(layout.size),
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        gpu.queue.write_buffer(&buffer, 0, &bytes);
-        Ok(buffer)
-    }
-}
-
-/// What `Pass` needs to know of a shader's text.
-struct Reflection {
-    bindings: BTreeMap<String, Binding>,
-    overrides: std::collections::BTreeSet<String>,
-    workgroup: [u32; 2],
-}
-
-impl Reflection {
-    fn new(source: &str) -> Result<Self, String> {
-        let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
-        let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all())
-            .validate(&module)
-            .map_err(|error| error.emit_to_string(source))?;
-        let entry = module
-            .entry_points
-            .iter()
-            .position(|entry| entry.name == "main")
-            .ok_or("the shader has no entry point `main`")?;
-        let uses = info.get_entry_point(entry);
-        let mut bindings = BTreeMap::new();
-        for (handle, variable) in module.global_variables.iter() {
-            let (Some(name), Some(binding)) = (&variable.name, &variable.binding) else {
-                continue;
-            };
-            if uses[handle].is_empty() {
-                continue;
-            }
-            let uniform = (variable.space == naga::AddressSpace::Uniform).then(|| uniform_layout(&module, variable.ty));
-            bindings.insert(
-                name.clone(),
-                Binding {
-                    index: binding.binding,
-                    uniform,
-                },
-            );
-        }
-        let [x, y, _] = module.entry_points[entry].workgroup_size;
-        Ok(Self {
-            bindings,
-            overrides: module
-                .overrides
-                .iter()
-                .filter_map(|(_, item)| item.name.clone())
-                .collect(),
-            workgroup: [x, y],
-        })
-    }
-}
-
-/// Size of a uniform struct, and where its fields lie.
-fn uniform_layout(module: &naga::Module, ty: naga::Handle<naga::Type>) -> UniformLayout {
-    let layout = |handle: naga::Handle<naga::Type>| module.types[handle].inner.size(module.to_ctx());
-    let members = match &module.types[ty].inner {
-        naga::TypeInner::Struct { members, .. } => members.as_slice(),
-        _ => &[],
-    };
-    UniformLayout {
-        size: layout(ty),
-        fields: members
-            .iter()
-            .filter_map(|member| Some((member.name.clone()?, (member.offset, layout(member.ty)))))
-            .collect(),
+        let buffer = self.binding(name)?.uniform_buffer(gpu, name, fields);
+        buffer.map_err(|problem| self.error(problem))
     }
 }

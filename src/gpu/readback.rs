@@ -45,15 +45,20 @@ impl ReadbackPool {
 /// Rows of a texture copied to a buffer start at multiples of this many bytes.
 const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
-fn padded_row_bytes(width: u32) -> u32 {
-    (width * 16).next_multiple_of(ROW_ALIGNMENT)
+fn padded_row_bytes(width: u32, texel_bytes: u32) -> u32 {
+    (width * texel_bytes).next_multiple_of(ROW_ALIGNMENT)
 }
 
 impl Readback {
-    /// Records the copy of an `rgba32float` texture; returns the slot to read it from.
+    /// Records the copy of a texture's first level; returns the slot to read it from.
+    ///
+    /// # Panics
+    /// When the format is compressed or has several planes.
     pub fn copy_texture(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &Texture) -> usize {
         let extent = texture.extent();
-        let row_bytes = padded_row_bytes(extent.width);
+        let format = texture.raw().format();
+        let texel_bytes = format.block_copy_size(None).expect("a plain format");
+        let row_bytes = padded_row_bytes(extent.width, texel_bytes);
         let buffer = self.pool.take(gpu, u64::from(row_bytes) * u64::from(extent.height));
         encoder.copy_texture_to_buffer(
             texture.raw().as_image_copy(),
@@ -107,7 +112,21 @@ impl Readback {
             })
     }
 
-    /// The colour of a slot that [`Readback::copy_texture`] returned for `texture`'s extent.
+    /// The texels of a slot that [`Readback::copy_texture`] returned for `texture`'s extent, as `T`, row by row.
+    pub fn texels<T: bytemuck::AnyBitPattern>(
+        &self,
+        slot: usize,
+        extent: crate::image::Extent,
+    ) -> Result<Vec<T>, GpuError> {
+        let bytes = self.bytes(slot)?;
+        let texel_bytes = size_of::<T>();
+        let row_bytes = padded_row_bytes(extent.width, texel_bytes as u32) as usize;
+        let rows = bytes.chunks_exact(row_bytes);
+        let texels = rows.flat_map(|row| row[..extent.width as usize * texel_bytes].chunks_exact(texel_bytes));
+        Ok(texels.map(bytemuck::pod_read_unaligned).collect())
+    }
+
+    /// The colour of a slot that [`Readback::copy_texture`] returned for an `rgba32float` texture of this extent.
     pub fn rgb(&self, slot: usize, extent: crate::image::Extent) -> Result<Image<[f32; 3]>, GpuError> {
         let bytes = self.bytes(slot)?;
         let bytes: &[u8] = &bytes;
@@ -115,7 +134,7 @@ impl Readback {
         let mut pixels = vec![[0.0; 3]; extent.n_pixels()];
         pixels
             .par_chunks_exact_mut(width)
-            .zip(bytes.par_chunks_exact(padded_row_bytes(extent.width) as usize))
+            .zip(bytes.par_chunks_exact(padded_row_bytes(extent.width, 16) as usize))
             .for_each(|(row, padded)| {
                 for (pixel, rgba) in row.iter_mut().zip(padded.chunks_exact(16)) {
                     *pixel = bytemuck::pod_read_unaligned(&rgba[..12]);

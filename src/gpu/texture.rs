@@ -1,4 +1,4 @@
-//! Textures: every image on the device, 2-D with one level.
+//! Textures: every image on the device, 2-D; all but those of scenes with one level.
 
 use super::Gpu;
 use crate::image::{Extent, Image};
@@ -15,6 +15,57 @@ pub struct Texture {
 impl Texture {
     /// A texture that passes read, write, and that is uploaded to or read back.
     pub fn new(gpu: &Gpu, label: &str, extent: Extent, format: wgpu::TextureFormat) -> Self {
+        Self::with_levels(gpu, label, extent, format, 1, usages(format))
+    }
+
+    /// A texture that raster passes draw to, and that passes read or is read back.
+    pub fn target(gpu: &Gpu, label: &str, extent: Extent, format: wgpu::TextureFormat) -> Self {
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC;
+        Self::with_levels(gpu, label, extent, format, 1, usage)
+    }
+
+    /// An image with its smaller levels, each half of the one before (rounded down, at least 1), as sRGB with linear
+    /// alpha.
+    ///
+    /// # Panics
+    /// When there is no level.
+    pub fn mipmapped(gpu: &Gpu, label: &str, levels: &[Image<[u8; 4]>]) -> Self {
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+        let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+        let made = Self::with_levels(gpu, label, levels[0].extent(), format, levels.len() as u32, usage);
+        for (level, image) in levels.iter().enumerate() {
+            let Extent { width, height } = image.extent();
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    mip_level: level as u32,
+                    ..made.texture.as_image_copy()
+                },
+                bytemuck::cast_slice(image.pixels()),
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(4 * width),
+                    rows_per_image: None,
+                },
+                wgpu::Extent3d {
+                    width,
+                    height,
+                    depth_or_array_layers: 1,
+                },
+            );
+        }
+        made
+    }
+
+    fn with_levels(
+        gpu: &Gpu,
+        label: &str,
+        extent: Extent,
+        format: wgpu::TextureFormat,
+        n_levels: u32,
+        usage: wgpu::TextureUsages,
+    ) -> Self {
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(label),
             size: wgpu::Extent3d {
@@ -22,11 +73,11 @@ impl Texture {
                 height: extent.height,
                 depth_or_array_layers: 1,
             },
-            mip_level_count: 1,
+            mip_level_count: n_levels,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format,
-            usage: usages(format),
+            usage,
             view_formats: &[],
         });
         Self {
@@ -41,8 +92,8 @@ impl Texture {
         self.extent
     }
 
-    /// For binding.
-    pub(super) fn view(&self) -> &wgpu::TextureView {
+    /// For binding, and for drawing to.
+    pub fn view(&self) -> &wgpu::TextureView {
         &self.view
     }
 

@@ -139,6 +139,7 @@ fn wants(channels: Channels, section: Section) -> bool {
         Section::Reactive => channels.reactive,
         Section::UnjitteredColor => channels.unjittered_color,
         Section::Reference => channels.reference,
+        Section::Disoccluded => false,
     }
 }
 

@@ -86,6 +86,11 @@ pub struct Manifest {
     pub unjittered_color: Option<ColorSource>,
     /// Which pixels the frames shade, where that is every other one.
     pub checkerboard: Option<Checkerboard>,
+    /// Known answer: 1 where a pixel's surface was not seen in the frame before, 0 where it was, else undecided. Kept for
+    /// whoever checks a rejection of history; no recipe reads it.
+    pub disoccluded: Option<PlaneSource>,
+    /// The settings that `afterimage bake` made the sequence from, for people.
+    pub bake: Option<Value>,
     /// Reserved by the schema; must be null.
     pub layers: Option<Value>,
     /// Ground truth. Encoded as `color` is where it does not say otherwise.
@@ -184,6 +189,8 @@ pub enum Section {
     UnjitteredColor,
     /// `reference`.
     Reference,
+    /// `disoccluded`.
+    Disoccluded,
 }
 
 impl fmt::Display for Section {
@@ -197,6 +204,7 @@ impl fmt::Display for Section {
             Self::Reactive => "reactive",
             Self::UnjitteredColor => "unjittered_color",
             Self::Reference => "reference",
+            Self::Disoccluded => "disoccluded",
         })
     }
 }
@@ -250,6 +258,9 @@ impl Manifest {
                 .as_ref()
                 .map(|source| color(Section::UnjitteredColor, source)),
             reference.map(|source| (Section::Reference, &source.path, source.channels.as_slice())),
+            self.disoccluded
+                .as_ref()
+                .map(|source| plane(Section::Disoccluded, source)),
         ]
         .into_iter()
         .flatten()

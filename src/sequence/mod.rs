@@ -5,6 +5,7 @@ pub mod archive;
 mod content;
 pub mod convention;
 pub mod frame;
+pub mod jitter;
 mod loader;
 pub mod manifest;
 

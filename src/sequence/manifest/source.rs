@@ -2,7 +2,7 @@
 
 use super::PathTemplate;
 use crate::sequence::frame::SKY_DEPTH;
-use serde::{Deserialize, Deserializer, de};
+use serde::{Deserialize, Deserializer, Serialize, de};
 
 /// How stored colour values become linear light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -62,6 +62,18 @@ pub struct ReferenceSource {
     pub spp: Option<u32>,
     /// The space in which samples were averaged.
     pub averaged_in: Option<AveragedIn>,
+    /// How noisy it is.
+    pub noise_floor: Option<NoiseFloor>,
+}
+
+/// How far a reference is expected to be from the mean of infinitely many samples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseFloor {
+    /// Root mean square over pixels, channels and frames, in linear light.
+    pub rms_linear: f64,
+    /// The same as shown, as PSNR in dB: no output can be told to be better than this. None without any noise.
+    pub psnr_db: Option<f64>,
 }
 
 impl ReferenceSource {

@@ -1,0 +1,301 @@
+//! One frame of a bake at a time, in memory.
+
+use super::{
+    BakeError, BakeSettings, builtin,
+    disocclusion::Disocclusion,
+    model::Alpha,
+    moment::Clip,
+    random::Random,
+    reference::{Accumulator, Mean, NoiseSums, half_views},
+    renderer::{PreparedFrame, Renderer, SurfaceTarget, View},
+};
+use crate::{
+    gpu::{Gpu, GpuError, ReadbackPool},
+    image::{Extent, Image},
+    metrics::{Display, display::Tonemap},
+    sequence::{Frame, frame::Rgb, manifest::NoiseFloor},
+};
+use std::time::{Duration, Instant};
+
+/// A frame as it was rendered, in canonical form.
+#[derive(Clone, Debug)]
+pub struct BakedFrame {
+    /// Position in the sequence, from 0.
+    pub index: usize,
+    /// Another shot begins here.
+    pub reset: bool,
+    /// Texel `(x, y)` holds the scene at `(x + 0.5 + jitter_px[0], y + 0.5 + jitter_px[1])`; y down.
+    pub jitter_px: [f64; 2],
+    /// The camera, without jitter.
+    pub camera: Clip,
+    /// Linear RGB.
+    pub color: Image<Rgb>,
+    /// Linear RGB without jitter.
+    pub unjittered_color: Image<Rgb>,
+    /// Unlit colour.
+    pub albedo: Image<Rgb>,
+    /// Linear view depth; sky is 1e10.
+    pub depth: Image<f32>,
+    /// Pixels, current to previous, y down, without jitter.
+    pub motion_px: Image<[f32; 2]>,
+    /// 0 is the sky.
+    pub object_id: Image<u32>,
+    /// Where something without motion vectors lies on top, or a surface asks for it.
+    pub reactive: Image<f32>,
+    /// Ground truth averaged in linear light; of the output's size.
+    pub reference: Option<Image<Rgb>>,
+    /// The same averaged in Karis's c / (1 + luma).
+    pub reference_karis: Option<Image<Rgb>>,
+    /// Where it was asked for: 1 where the surface was hidden or outside in the frame before, 0 where it was seen, 0.5 at
+    /// an edge.
+    pub disoccluded: Option<Image<f32>>,
+}
+
+impl BakedFrame {
+    /// As the loader would give it.
+    pub fn into_frame(self) -> Frame {
+        Frame {
+            index: self.index,
+            reset: self.reset,
+            jitter_px: self.jitter_px,
+            far: f64::INFINITY,
+            output_size: self.reference.as_ref().map_or(self.color.extent(), Image::extent),
+            parity: None,
+            color: self.color,
+            depth: Some(self.depth),
+            motion_px: Some(self.motion_px),
+            object_id: Some(self.object_id),
+            albedo: Some(self.albedo),
+            reactive: Some(self.reactive),
+            unjittered_color: Some(self.unjittered_color),
+            reference: self.reference,
+        }
+    }
+}
+
+/// Where a bake's time went.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BakeTimes {
+    /// Preparing and drawing, until the device was done.
+    pub raster: Duration,
+    /// Copying back, converting, and measuring the noise.
+    pub readback: Duration,
+    /// Encoding and writing files.
+    pub write: Duration,
+}
+
+/// Renders the frames of a sequence.
+pub struct Baker<'g> {
+    gpu: &'g Gpu,
+    settings: BakeSettings,
+    renderer: Renderer<'g>,
+    surface: SurfaceTarget,
+    /// For inputs of several samples and without jitter.
+    input: Accumulator<'g>,
+    reference: Option<Accumulator<'g>>,
+    disocclusion: Option<Disocclusion>,
+    noise: NoiseSums,
+    pool: ReadbackPool,
+    times: BakeTimes,
+}
+
+/// Offsets of four samples around the jitter: a grid turned by arctan ½, as multisampling hardware has it.
+const ROTATED_GRID: [[f64; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
+
+impl<'g> Baker<'g> {
+    /// Builds the scene and uploads it.
+    ///
+    /// # Errors
+    /// As [`BakeSettings::validate`], and what the device says.
+    pub fn new(gpu: &'g Gpu, settings: &BakeSettings) -> Result<Self, BakeError> {
+        settings.validate()?;
+        settings.validate_on(gpu)?;
+        let scene = (builtin::find(&settings.scene)?.build)(settings.seed);
+        let blends = scene.materials.iter().any(|material| material.alpha == Alpha::Blended);
+        if blends && !gpu.can_blend_f32() {
+            return Err(BakeError::Gpu(GpuError::Unsupported {
+                adapter: gpu.info().name,
+                message: format!("cannot blend 32-bit floats, which scene `{}` needs", settings.scene),
+            }));
+        }
+        let reference = (settings.reference_samples > 0)
+            .then(|| Accumulator::new(gpu, settings.output_size, settings.karis))
+            .transpose()?;
+        Ok(Self {
+            gpu,
+            renderer: Renderer::new(gpu, scene, settings.texturing())?,
+            surface: SurfaceTarget::new(gpu, settings.render_size),
+            input: Accumulator::new(gpu, settings.render_size, false)?,
+            reference,
+            disocclusion: settings
+                .disocclusion
+                .then(|| Disocclusion::new(gpu, settings.render_size))
+                .transpose()?,
+            noise: NoiseSums::default(),
+            pool: ReadbackPool::default(),
+            times: BakeTimes::default(),
+            settings: settings.clone(),
+        })
+    }
+
+    /// How linear colour is shown.
+    pub fn display(&self) -> Display {
+        Display {
+            exposure: self.renderer.scene.exposure,
+            tonemap: Tonemap::Aces,
+        }
+    }
+
+    /// Nearest distance that is drawn.
+    pub fn near(&self) -> f64 {
+        self.renderer.scene.near
+    }
+
+    /// How noisy the references made so far are; none without references.
+    pub fn noise_floor(&self) -> Option<NoiseFloor> {
+        self.reference.as_ref().map(|_| self.noise.floor())
+    }
+
+    /// Where time went so far; nothing was written here.
+    pub fn times(&self) -> BakeTimes {
+        self.times
+    }
+
+    /// Renders frame `index`.
+    pub fn frame(&mut self, index: usize) -> Result<BakedFrame, BakeError> {
+        let begin = Instant::now();
+        let settings = self.settings.clone();
+        let output = settings.output_size;
+        let aspect = f64::from(output.width) / f64::from(output.height);
+        let frame = self.renderer.prepare(index, settings.render_size, aspect)?;
+        let jitter_px = settings.jitter.offset_px(index);
+        let seed = Random::new(settings.seed ^ (index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)).bits();
+        let view = |jitter_px, salt: u32| View {
+            jitter_px,
+            seed: (seed >> 32) as u32 ^ salt,
+        };
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        self.renderer
+            .draw_surface(&mut encoder, &frame, view(jitter_px, 0), &self.surface)?;
+        if let Some(disocclusion) = &self.disocclusion {
+            disocclusion.record(self.gpu, &mut encoder, &self.renderer, &frame, &self.surface, jitter_px)?;
+        }
+        let submission = self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.wait(submission)?;
+        self.times.raster += begin.elapsed();
+        let mut baked = self.read_surface(index, jitter_px, &frame)?;
+        let unjittered = [view([0.0; 2], 1)];
+        baked.unjittered_color = self.mean_of(&frame, &unjittered)?;
+        if settings.samples > 1 {
+            let views: Vec<_> = ROTATED_GRID
+                .iter()
+                .zip(2..)
+                .map(|(offset, salt)| view([jitter_px[0] + offset[0], jitter_px[1] + offset[1]], salt))
+                .collect();
+            baked.color = self.mean_of(&frame, &views)?;
+        }
+        self.add_reference(&frame, seed, &mut baked)?;
+        Ok(baked)
+    }
+
+    fn mean_of(&mut self, frame: &PreparedFrame, views: &[View]) -> Result<Image<Rgb>, BakeError> {
+        let begin = Instant::now();
+        self.input.accumulate(&self.renderer, frame, views)?;
+        let drawn = Instant::now();
+        let mean = self.input.read()?;
+        self.times.raster += drawn - begin;
+        self.times.readback += drawn.elapsed();
+        Ok(mean.linear)
+    }
+
+    fn add_reference(&mut self, frame: &PreparedFrame, seed: u64, baked: &mut BakedFrame) -> Result<(), BakeError> {
+        let Some(reference) = &self.reference else {
+            return Ok(());
+        };
+        let mut halves = Vec::with_capacity(2);
+        for half in 0..2 {
+            let begin = Instant::now();
+            let seed = Random::new(seed.wrapping_add(1 + half)).bits();
+            let views = half_views(self.settings.reference_pattern, self.settings.reference_samples, seed);
+            reference.accumulate(&self.renderer, frame, &views)?;
+            let drawn = Instant::now();
+            halves.push(reference.read()?);
+            self.times.raster += drawn - begin;
+            self.times.readback += drawn.elapsed();
+        }
+        let begin = Instant::now();
+        let [a, b]: [Mean; 2] = halves.try_into().unwrap_or_else(|_| unreachable!("two halves"));
+        self.noise.add([&a.linear, &b.linear], self.display());
+        baked.reference = Some(mean(&a.linear, &b.linear));
+        baked.reference_karis = a.karis.as_ref().zip(b.karis.as_ref()).map(|(a, b)| mean_karis(a, b));
+        self.times.readback += begin.elapsed();
+        Ok(())
+    }
+
+    fn read_surface(
+        &mut self,
+        index: usize,
+        jitter_px: [f64; 2],
+        frame: &PreparedFrame,
+    ) -> Result<BakedFrame, BakeError> {
+        let begin = Instant::now();
+        let extent = self.settings.render_size;
+        let mut readback = self.pool.begin();
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let slots = self
+            .surface
+            .images
+            .each_ref()
+            .map(|image| readback.copy_texture(self.gpu, &mut encoder, image));
+        let mask = self
+            .disocclusion
+            .as_ref()
+            .map(|pass| readback.copy_texture(self.gpu, &mut encoder, pass.mask()));
+        let submission = self.gpu.queue.submit([encoder.finish()]);
+        readback.map();
+        self.gpu.wait(submission)?;
+        let geometry: Vec<[f32; 4]> = readback.texels(slots[1], extent)?;
+        let color = readback.rgb(slots[0], extent)?;
+        let ids = readback.texels(slots[2], extent)?;
+        let disoccluded = mask.map(|slot| readback.texels(slot, extent)).transpose()?;
+        let baked = BakedFrame {
+            index,
+            reset: index == 0 || self.renderer.scene.cuts.contains(&index),
+            jitter_px,
+            camera: frame.moment.camera,
+            unjittered_color: color.clone(),
+            color,
+            albedo: readback.rgb(slots[3], extent)?,
+            depth: plane(extent, &geometry, |texel| texel[2]),
+            motion_px: plane(extent, &geometry, |texel| [texel[0], texel[1]]),
+            object_id: Image::from_pixels(extent, ids),
+            reactive: plane(extent, &geometry, |texel| texel[3]),
+            reference: None,
+            reference_karis: None,
+            disoccluded: disoccluded.map(|mask| Image::from_pixels(extent, mask)),
+        };
+        self.times.readback += begin.elapsed();
+        Ok(baked)
+    }
+}
+
+fn plane<T: Copy + Send + Sync>(extent: Extent, texels: &[[f32; 4]], of: impl Fn([f32; 4]) -> T) -> Image<T> {
+    Image::from_pixels(extent, texels.iter().map(|texel| of(*texel)).collect())
+}
+
+fn mean(a: &Image<Rgb>, b: &Image<Rgb>) -> Image<Rgb> {
+    Image::from_fn(a.extent(), |x, y| {
+        let (a, b) = (a.at(x, y), b.at(x, y));
+        std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
+    })
+}
+
+/// The mean of two means in Karis's space.
+fn mean_karis(a: &Image<Rgb>, b: &Image<Rgb>) -> Image<Rgb> {
+    let luma = |c: Rgb| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+    Image::from_fn(a.extent(), |x, y| {
+        let [a, b] = [a.at(x, y), b.at(x, y)].map(|c| c.map(|v| v / (1.0 + luma(c))));
+        let t: Rgb = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+        t.map(|v| v / (1.0 - luma(t)).max(f32::EPSILON))
+    })
+}
