@@ -28,6 +28,8 @@ pub struct BakedFrame {
     pub jitter_px: [f64; 2],
     /// The camera, without jitter.
     pub camera: Clip,
+    /// How its linear colour is shown.
+    pub display: Display,
     /// Linear RGB.
     pub color: Image<Rgb>,
     /// Linear RGB without jitter.
@@ -59,6 +61,7 @@ impl BakedFrame {
             reset: self.reset,
             jitter_px: self.jitter_px,
             far: f64::INFINITY,
+            display: self.display,
             output_size: self.reference.as_ref().map_or(self.color.extent(), Image::extent),
             parity: None,
             color: self.color,
@@ -263,6 +266,7 @@ impl<'g> Baker<'g> {
             reset: index == 0 || self.renderer.scene.cuts.contains(&index),
             jitter_px,
             camera: frame.moment.camera,
+            display: self.display(),
             unjittered_color: color.clone(),
             color,
             albedo: readback.rgb(slots[3], extent)?,
