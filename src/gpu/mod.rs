@@ -8,7 +8,7 @@ mod texture;
 mod timer;
 
 pub use adapter::{Gpu, NO_DRIVER, adapters};
-pub use pass::{Bound, Dispatch, Invocation, Pass, UniformValue};
+pub use pass::{Access, Bound, Dispatch, Invocation, Pass, UniformValue};
 pub use readback::{Readback, ReadbackPool};
 pub use texture::Texture;
 pub use timer::{Timer, Times};

@@ -8,7 +8,7 @@
 use super::{Gpu, GpuError, Texture};
 use crate::image::Extent;
 use std::collections::BTreeMap;
-use wgpu::naga;
+use wgpu::naga::{self, valid::GlobalUse as Use};
 
 /// A compiled compute shader and what it binds.
 #[derive(Debug)]
@@ -25,6 +25,18 @@ pub struct Pass {
 struct Binding {
     index: u32,
     uniform: Option<UniformLayout>,
+    access: Access,
+}
+
+/// What a shader does with what is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Access {
+    /// Looks at its values, and not at its size alone.
+    pub reads: bool,
+    /// Changes them.
+    pub writes: bool,
+    /// They are `u32`.
+    pub integers: bool,
 }
 
 #[derive(Debug)]
@@ -253,6 +265,7 @@ impl<'a> Invocation<'a> {
             .map_err(|cause| pass.error(cause.to_string()))?;
         Ok(Dispatch {
             pass,
+            bound: self.bound,
             bind_group,
             workgroups: [
                 extent.width.div_ceil(pass.workgroup[0]),
@@ -266,11 +279,23 @@ impl<'a> Invocation<'a> {
 #[derive(Debug)]
 pub struct Dispatch<'a> {
     pass: &'a Pass,
+    bound: Vec<(&'static str, Bound<'a>)>,
     bind_group: wgpu::BindGroup,
     workgroups: [u32; 2],
 }
 
-impl Dispatch<'_> {
+impl<'a> Dispatch<'a> {
+    /// The label of its pass.
+    pub fn label(&self) -> &'a str {
+        &self.pass.label
+    }
+
+    /// The textures and buffers that it reads or writes, by the names they have in WGSL.
+    pub fn bound(&self) -> impl Iterator<Item = (&'static str, Bound<'a>, Access)> {
+        let access = |name: &str| self.pass.bindings[name].access;
+        self.bound.iter().map(move |&(name, bound)| (name, bound, access(name)))
+    }
+
     /// Records the pass, timed where `timestamps` is given.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>) {
         self.record_workgroups(encoder, timestamps, self.workgroups);
@@ -371,6 +396,11 @@ impl Reflection {
                 Binding {
                     index: binding.binding,
                     uniform,
+                    access: Access {
+                        reads: uses[handle].intersects(Use::READ | Use::ATOMIC),
+                        writes: uses[handle].intersects(Use::WRITE | Use::ATOMIC),
+                        integers: is_integer(&module, variable.ty),
+                    },
                 },
             );
         }
@@ -400,5 +430,21 @@ fn uniform_layout(module: &naga::Module, ty: naga::Handle<naga::Type>) -> Unifor
             .iter()
             .filter_map(|member| Some((member.name.clone()?, (member.offset, layout(member.ty)))))
             .collect(),
+    }
+}
+
+/// Whether values of a type are `u32`; of a structure, whether its first field is.
+fn is_integer(module: &naga::Module, ty: naga::Handle<naga::Type>) -> bool {
+    match &module.types[ty].inner {
+        naga::TypeInner::Scalar(scalar) | naga::TypeInner::Atomic(scalar) => scalar.kind == naga::ScalarKind::Uint,
+        naga::TypeInner::Vector { scalar, .. } => scalar.kind == naga::ScalarKind::Uint,
+        naga::TypeInner::Array { base, .. } => is_integer(module, *base),
+        naga::TypeInner::Struct { members, .. } => members.first().is_some_and(|first| is_integer(module, first.ty)),
+        naga::TypeInner::Image { class, .. } => match class {
+            naga::ImageClass::Sampled { kind, .. } => *kind == naga::ScalarKind::Uint,
+            naga::ImageClass::Storage { format, .. } => naga::Scalar::from(*format).kind == naga::ScalarKind::Uint,
+            _ => false,
+        },
+        _ => false,
     }
 }

@@ -45,15 +45,18 @@ impl ReadbackPool {
 /// Rows of a texture copied to a buffer start at multiples of this many bytes.
 const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
-fn padded_row_bytes(width: u32) -> u32 {
-    (width * 16).next_multiple_of(ROW_ALIGNMENT)
+fn padded_row_bytes(width: u32, texel_size: u32) -> u32 {
+    (width * texel_size).next_multiple_of(ROW_ALIGNMENT)
 }
 
+/// Bytes of an `rgba32float` texel.
+const RGBA_SIZE: u32 = 16;
+
 impl Readback {
-    /// Records the copy of an `rgba32float` texture; returns the slot to read it from.
+    /// Records the copy of a texture; returns the slot to read it from.
     pub fn copy_texture(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &Texture) -> usize {
         let extent = texture.extent();
-        let row_bytes = padded_row_bytes(extent.width);
+        let row_bytes = padded_row_bytes(extent.width, texture.texel_size());
         let buffer = self.pool.take(gpu, u64::from(row_bytes) * u64::from(extent.height));
         encoder.copy_texture_to_buffer(
             texture.raw().as_image_copy(),
@@ -107,7 +110,24 @@ impl Readback {
             })
     }
 
-    /// The colour of a slot that [`Readback::copy_texture`] returned for `texture`'s extent.
+    /// The texels of a slot that [`Readback::copy_texture`] returned for `texture`, a float one: all channels of the first,
+    /// all of the next.
+    pub fn floats(&self, slot: usize, texture: &Texture) -> Result<Vec<f32>, GpuError> {
+        let bytes = self.bytes(slot)?;
+        let row_bytes = texture.extent().width * texture.texel_size();
+        let padded = padded_row_bytes(texture.extent().width, texture.texel_size());
+        let texels = bytes.chunks_exact(padded as usize).flat_map(|row| &row[..row_bytes as usize]);
+        let texels: Vec<u8> = texels.copied().collect();
+        Ok(match texture.format() {
+            wgpu::TextureFormat::Rgba16Float => {
+                let halves = texels.chunks_exact(2).map(|half| u16::from_le_bytes([half[0], half[1]]));
+                halves.map(|half| half::f16::from_bits(half).to_f32()).collect()
+            }
+            _ => bytemuck::pod_collect_to_vec(&texels),
+        })
+    }
+
+    /// The colour of a slot that [`Readback::copy_texture`] returned for an `rgba32float` texture of this extent.
     pub fn rgb(&self, slot: usize, extent: crate::image::Extent) -> Result<Image<[f32; 3]>, GpuError> {
         let bytes = self.bytes(slot)?;
         let bytes: &[u8] = &bytes;
@@ -115,9 +135,9 @@ impl Readback {
         let mut pixels = vec![[0.0; 3]; extent.n_pixels()];
         pixels
             .par_chunks_exact_mut(width)
-            .zip(bytes.par_chunks_exact(padded_row_bytes(extent.width) as usize))
+            .zip(bytes.par_chunks_exact(padded_row_bytes(extent.width, RGBA_SIZE) as usize))
             .for_each(|(row, padded)| {
-                for (pixel, rgba) in row.iter_mut().zip(padded.chunks_exact(16)) {
+                for (pixel, rgba) in row.iter_mut().zip(padded.chunks_exact(RGBA_SIZE as usize)) {
                     *pixel = bytemuck::pod_read_unaligned(&rgba[..12]);
                 }
             });

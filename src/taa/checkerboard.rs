@@ -46,7 +46,6 @@ impl Checkerboard {
             .bind("next_history", self.history.current())
             .bind("shown", shown)
             .over(recorder.gpu, inputs.sizes().render)?;
-        recorder.record(&resolve);
-        Ok(())
+        recorder.record(&resolve)
     }
 }

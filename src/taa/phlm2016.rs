@@ -68,7 +68,7 @@ impl Phlm {
             .bind_to(&self.still, recipe)
             .bind("moves", &self.moves)
             .over(recorder.gpu, inputs.sizes().render)?;
-        recorder.record_from_zero(&still, &self.moves);
+        recorder.record_from_zero(&still, &self.moves)?;
         let model = inputs
             .bind_to(&self.model, recipe)
             .bind("coefficients", self.coefficients.previous())
@@ -82,8 +82,7 @@ impl Phlm {
             .bind("moves", &self.moves)
             .bind("shown", shown)
             .over(recorder.gpu, inputs.sizes().render)?;
-        recorder.record(&model);
-        Ok(())
+        recorder.record(&model)
     }
 }
 
@@ -91,7 +90,7 @@ fn buffer(gpu: &Gpu, label: &str, size: u64) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })
 }

@@ -53,7 +53,7 @@ impl Moments {
             .bind("means", &self.rows.means)
             .bind("variances", &self.rows.variances)
             .over(recorder.gpu, Extent::new(width.div_ceil(n), height))?;
-        recorder.record(&rows);
+        recorder.record(&rows)?;
         let columns = inputs
             .bind_to(&self.along_columns, recipe)
             .bind("row_means", &self.rows.means)
@@ -61,8 +61,7 @@ impl Moments {
             .bind("means", &self.windows.means)
             .bind("variances", &self.windows.variances)
             .over(recorder.gpu, Extent::new(width, height.div_ceil(n)))?;
-        recorder.record(&columns);
-        Ok(())
+        recorder.record(&columns)
     }
 
     /// The mean of each pixel's window.
