@@ -116,11 +116,15 @@ impl Readback {
         let bytes = self.bytes(slot)?;
         let row_bytes = texture.extent().width * texture.texel_size();
         let padded = padded_row_bytes(texture.extent().width, texture.texel_size());
-        let texels = bytes.chunks_exact(padded as usize).flat_map(|row| &row[..row_bytes as usize]);
+        let texels = bytes
+            .chunks_exact(padded as usize)
+            .flat_map(|row| &row[..row_bytes as usize]);
         let texels: Vec<u8> = texels.copied().collect();
         Ok(match texture.format() {
             wgpu::TextureFormat::Rgba16Float => {
-                let halves = texels.chunks_exact(2).map(|half| u16::from_le_bytes([half[0], half[1]]));
+                let halves = texels
+                    .chunks_exact(2)
+                    .map(|half| u16::from_le_bytes([half[0], half[1]]));
                 halves.map(|half| half::f16::from_bits(half).to_f32()).collect()
             }
             _ => bytemuck::pod_collect_to_vec(&texels),

@@ -94,7 +94,10 @@ impl Texture {
     pub fn write_floats(&self, gpu: &Gpu, values: &[f32]) {
         match self.format() {
             wgpu::TextureFormat::Rgba16Float => {
-                let halves: Vec<_> = values.iter().map(|&value| half::f16::from_f32(value).to_bits()).collect();
+                let halves: Vec<_> = values
+                    .iter()
+                    .map(|&value| half::f16::from_f32(value).to_bits())
+                    .collect();
                 self.write(gpu, bytemuck::cast_slice(&halves));
             }
             _ => self.write(gpu, bytemuck::cast_slice(values)),

@@ -26,6 +26,8 @@ pub fn planted<'a>(fault: Option<Fault<'_>>, pass: &str, sources: &[&'a str]) ->
             message: format!("says nowhere `{}`", fault.text),
         });
     }
-    let altered = sources.iter().map(|source| source.replace(fault.text, fault.instead).into());
+    let altered = sources
+        .iter()
+        .map(|source| source.replace(fault.text, fault.instead).into());
     Ok(altered.collect())
 }

@@ -14,7 +14,12 @@ pub enum Repeat {
 /// Sees every pass as soon as it is recorded, before the next one is.
 pub trait Watch: std::fmt::Debug {
     /// `encoder` holds what was recorded since it last was submitted; the watch may submit it and leave another.
-    fn recorded(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, dispatch: &Dispatch<'_>) -> Result<(), GpuError>;
+    fn recorded(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        dispatch: &Dispatch<'_>,
+    ) -> Result<(), GpuError>;
 }
 
 /// Records passes into one submission.

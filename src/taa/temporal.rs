@@ -180,10 +180,7 @@ impl Temporal {
             .bind("n_samples", self.n_samples.previous())
             .bind("next_n_samples", self.n_samples.current())
             .bind("reactive_mask", &inputs.reactive)
-            .bind(
-                "difference_rows",
-                self.difference.as_ref().map_or(nothing, Chain::made),
-            )
+            .bind("difference_rows", self.difference.as_ref().map_or(nothing, Chain::made))
             .bind("window_means", self.moments.as_ref().map_or(nothing, Moments::means))
             .bind(
                 "window_variances",

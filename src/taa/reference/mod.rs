@@ -30,8 +30,8 @@ use crate::{
 };
 use color::{Color, F16_MAX};
 use neighbourhood::ColorBox;
-pub use planes::{Plane, Scale};
 use planes::{Left, Planes, made};
+pub use planes::{Plane, Scale};
 use real::Real;
 use reproject::Reprojected;
 use sampling::{bilinear, containing};
@@ -118,7 +118,9 @@ impl<R: Real> Twin<R> {
 
     /// Begins the next frame: what was current becomes previous.
     pub fn begin(&mut self, frame: &Frame) {
-        self.recipe.check_sizes(frame.sizes()).expect("validated with the sequence");
+        self.recipe
+            .check_sizes(frame.sizes())
+            .expect("validated with the sequence");
         let left = mem::take(&mut self.planes).left;
         let current = Images {
             depth: frame.depth.clone(),
@@ -183,7 +185,10 @@ impl<R: Real> Pixels<'_, R> {
                 let [x, y] = containing(at.q);
                 let counted = previous.left.n_samples.as_ref();
                 let n_samples = counted.map_or(R::new(0.0), |counted| counted.clamped(x, y)) + R::new(1.0);
-                (self.accumulate(p, at, previous.history(), n_samples, current), n_samples)
+                (
+                    self.accumulate(p, at, previous.history(), n_samples, current),
+                    n_samples,
+                )
             }
         };
         (resolved.min(Color::splat(F16_MAX)), n_samples)

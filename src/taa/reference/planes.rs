@@ -120,6 +120,18 @@ impl<R: Real> Plane<R> {
     }
 }
 
+impl Plane<f64> {
+    /// Rounded.
+    pub fn to_f32(&self) -> Plane<f32> {
+        Plane {
+            name: self.name,
+            extent: self.extent,
+            scales: self.scales.clone(),
+            values: self.values.iter().map(|&value| value as f32).collect(),
+        }
+    }
+}
+
 /// What has been written so far in a frame; none of what its passes have not come to, or do not write without history.
 #[derive(Clone, Debug, Default)]
 pub struct Planes<R> {

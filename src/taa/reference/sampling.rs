@@ -107,7 +107,9 @@ impl<R: Real> Pixels<'_, R> {
     /// History carried along the motion; none where it is absent as a whole.
     pub fn advected(&self) -> Option<Image<Color<R>>> {
         let history = self.previous?.history();
-        Some(Image::from_fn(history.extent(), |x, y| self.carried(history, [x, y], 1.0)))
+        Some(Image::from_fn(history.extent(), |x, y| {
+            self.carried(history, [x, y], 1.0)
+        }))
     }
 
     /// History and half of what sampling it forth and back loses.

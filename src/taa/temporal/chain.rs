@@ -80,7 +80,9 @@ impl Chain {
         let mut before = shared.to_vec();
         for (name, pass, image) in &self.links {
             let readable = inputs.bind_to(pass, recipe);
-            let readable = before.iter().fold(readable, |bound, &(name, read)| bound.offer(name, read));
+            let readable = before
+                .iter()
+                .fold(readable, |bound, &(name, read)| bound.offer(name, read));
             let dispatch = readable.bind(name, image).over(recorder.gpu, self.extent)?;
             recorder.record(&dispatch)?;
             before.push((name, image));

@@ -50,13 +50,17 @@ impl Bounds {
         };
         (is_plain && smallest > 0.0).then(|| {
             let max = bounds.max.max(1.0 / 2048.0 / smallest);
-            Self { max, mean: max, ..bounds }
+            Self {
+                max,
+                mean: max,
+                ..bounds
+            }
         })
     }
 }
 
 /// Two images, or all that a pass writes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Agreement {
     /// Everything is finite, and within the bounds where there are any.
     pub agrees: bool,
@@ -68,6 +72,9 @@ pub struct Agreement {
     pub n_beyond: u64,
     /// Of all pixels.
     pub share_beyond: f64,
+    /// Pixels beyond it that count neither there nor in the mean, because 32-bit arithmetic does not determine them: the
+    /// twin in f32 is itself far from the twin in f64.
+    pub n_undetermined: u64,
     /// Pixels that are not finite on the GPU.
     pub non_finite_gpu: u64,
     /// Pixels that are not finite in the twin.
@@ -85,29 +92,35 @@ pub struct Worst {
     pub pixel: [u32; 2],
 }
 
+/// What is compared.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// What the GPU wrote.
+    pub gpu: Plane<f64>,
+    /// What the twin says.
+    pub twin: Plane<f64>,
+    /// What the twin says in f32, where that was asked.
+    pub witness: Option<Plane<f32>>,
+}
+
+/// The share of the largest distance allowed that f32 alone must be off by for a pixel to be undetermined: its rounding and the
+/// GPU's are alike in size, not in place.
+const UNDETERMINED: f64 = 0.125;
+
 impl Agreement {
-    /// Of pairs of what the GPU wrote and what the twin says. Pixels beyond `counted` are counted; within the bounds
-    /// `promised`, if any, they agree.
-    pub fn of(pairs: &[(Plane<f64>, Plane<f64>)], counted: Bounds, promised: Option<Bounds>) -> Self {
-        let mut all = Self {
-            agrees: true,
-            max: 0.0,
-            mean: 0.0,
-            n_beyond: 0,
-            share_beyond: 0.0,
-            non_finite_gpu: 0,
-            non_finite_twin: 0,
-            worst: None,
-        };
-        for (gpu, twin) in pairs {
-            let one = Self::between(gpu, twin, promised.unwrap_or(counted));
+    /// Of all that a pass wrote. Pixels beyond `counted` are counted; within the bounds `promised`, if any, they agree.
+    pub fn of(compared: &[Compared], counted: Bounds, promised: Option<Bounds>) -> Self {
+        let mut all = Self::default();
+        for compared in compared {
+            let one = compared.agreement(promised.unwrap_or(counted));
             let is_worse = one.spoilt() > all.spoilt() || one.spoilt() == all.spoilt() && one.max > all.max;
             all = Self {
-                agrees: true,
+                agrees: false,
                 max: all.max.max(one.max),
                 mean: all.mean.max(one.mean),
                 n_beyond: all.n_beyond.max(one.n_beyond),
                 share_beyond: all.share_beyond.max(one.share_beyond),
+                n_undetermined: all.n_undetermined.max(one.n_undetermined),
                 non_finite_gpu: all.non_finite_gpu.max(one.non_finite_gpu),
                 non_finite_twin: all.non_finite_twin.max(one.non_finite_twin),
                 worst: if is_worse { one.worst } else { all.worst },
@@ -121,48 +134,62 @@ impl Agreement {
     fn spoilt(&self) -> u64 {
         self.non_finite_gpu + self.non_finite_twin
     }
+}
 
-    fn between(gpu: &Plane<f64>, twin: &Plane<f64>, bounds: Bounds) -> Self {
-        assert_eq!((gpu.extent, gpu.scales.len()), (twin.extent, twin.scales.len()), "{}", gpu.name);
-        let n_channels = gpu.scales.len();
+impl Compared {
+    fn agreement(&self, bounds: Bounds) -> Agreement {
+        let Self { gpu, twin, witness } = self;
+        let shape = (gpu.extent, gpu.scales.len());
+        assert_eq!(shape, (twin.extent, twin.scales.len()), "{}", gpu.name);
+        let (width, n_channels) = (gpu.extent.width as usize, gpu.scales.len());
+        let mut found = Agreement::default();
         let (mut sum, mut n_within) = (0.0, 0_u64);
-        let (mut max, mut worst, mut first_bad) = (0.0, None, None);
-        let (mut n_beyond, mut non_finite_gpu, mut non_finite_twin) = (0, 0, 0);
-        let pixels = gpu.values.chunks_exact(n_channels).zip(twin.values.chunks_exact(n_channels));
+        let (mut farthest, mut first_bad) = (None, None);
+        let pixels = gpu
+            .values
+            .chunks_exact(n_channels)
+            .zip(twin.values.chunks_exact(n_channels));
         for (index, (a, b)) in pixels.enumerate() {
             let [bad_a, bad_b] = [a, b].map(|pixel| !pixel.iter().all(|value| value.is_finite()));
-            non_finite_gpu += u64::from(bad_a);
-            non_finite_twin += u64::from(bad_b);
+            found.non_finite_gpu += u64::from(bad_a);
+            found.non_finite_twin += u64::from(bad_b);
             if bad_a || bad_b {
                 first_bad = first_bad.or(Some(index));
                 continue;
             }
-            let channels = a.iter().zip(b).zip(&twin.scales);
-            let distance = channels.fold(0.0, |worst, ((&a, &b), scale)| f64::max(worst, scale.distance(a, b)));
-            if distance > max {
-                (max, worst) = (distance, Some(index));
+            let distance = self.distance(a.iter().copied(), b);
+            if distance > bounds.max
+                && let Some(witness) = witness
+            {
+                let in_f32 = witness.values[index * n_channels..].iter().copied().map(f64::from);
+                if self.distance(in_f32, b) > UNDETERMINED * bounds.max {
+                    found.n_undetermined += 1;
+                    continue;
+                }
+            }
+            if distance > found.max {
+                (found.max, farthest) = (distance, Some(index));
             }
             if distance > bounds.max {
-                n_beyond += 1;
+                found.n_beyond += 1;
             } else {
                 sum += distance;
                 n_within += 1;
             }
         }
-        let width = gpu.extent.width as usize;
-        Self {
-            agrees: true,
-            max,
-            mean: sum / n_within.max(1) as f64,
-            n_beyond,
-            share_beyond: n_beyond as f64 / gpu.extent.n_pixels() as f64,
-            non_finite_gpu,
-            non_finite_twin,
-            worst: first_bad.or(worst).map(|index| Worst {
-                image: gpu.name.to_owned(),
-                pixel: [(index % width) as u32, (index / width) as u32],
-            }),
-        }
+        found.mean = sum / n_within.max(1) as f64;
+        found.share_beyond = found.n_beyond as f64 / gpu.extent.n_pixels() as f64;
+        found.worst = first_bad.or(farthest).map(|index| Worst {
+            image: gpu.name.to_owned(),
+            pixel: [(index % width) as u32, (index / width) as u32],
+        });
+        found
+    }
+
+    /// Of the channel that is farthest off.
+    fn distance(&self, found: impl Iterator<Item = f64>, expected: &[f64]) -> f64 {
+        let channels = found.zip(expected).zip(&self.twin.scales);
+        channels.fold(0.0, |worst, ((a, &b), scale)| f64::max(worst, scale.distance(a, b)))
     }
 }
 
@@ -192,8 +219,38 @@ mod tests {
     }
 
     fn agreement(scale: Scale, gpu: &[f64], twin: &[f64]) -> Agreement {
-        let pairs = [(plane(scale, gpu), plane(scale, twin))];
-        Agreement::of(&pairs, bounds(), Some(bounds()))
+        Agreement::of(&[compared(scale, gpu, twin)], bounds(), Some(bounds()))
+    }
+
+    fn compared(scale: Scale, gpu: &[f64], twin: &[f64]) -> Compared {
+        Compared {
+            gpu: plane(scale, gpu),
+            twin: plane(scale, twin),
+            witness: None,
+        }
+    }
+
+    #[test]
+    fn what_f32_does_not_determine_is_not_held_against_the_gpu() {
+        let wrong = compared(Scale::Range, &[0.5, 0.9, 0.5, 0.9], &[0.5; 4]);
+        let witness = |values: &[f32]| Plane {
+            name: "history",
+            extent: Extent::new(2, 2),
+            scales: vec![Scale::Range],
+            values: values.to_vec(),
+        };
+        for (values, agrees, n_undetermined) in [([0.5, 0.501, 0.5, 0.6], true, 2), ([0.5; 4], false, 0)] {
+            let compared = Compared {
+                witness: Some(witness(&values)),
+                ..wrong.clone()
+            };
+            let found = Agreement::of(&[compared], bounds(), Some(bounds()));
+            assert_eq!(
+                (found.agrees, found.n_undetermined),
+                (agrees, n_undetermined),
+                "{found:?}"
+            );
+        }
     }
 
     #[test]
@@ -217,7 +274,7 @@ mod tests {
             for (gpu, twin) in [([0.5, bad], [0.5; 2]), ([0.5; 2], [bad, 0.5]), ([bad; 2], [bad; 2])] {
                 let found = agreement(Scale::Open, &gpu, &twin);
                 assert!(!found.agrees && found.max == 0.0, "{found:?}");
-                let found = Agreement::of(&[(plane(Scale::Open, &gpu), plane(Scale::Open, &twin))], bounds(), None);
+                let found = Agreement::of(&[compared(Scale::Open, &gpu, &twin)], bounds(), None);
                 assert!(!found.agrees, "{found:?}");
             }
         }
@@ -236,7 +293,11 @@ mod tests {
         let of = |preset: &str, precision| Bounds::of_frames(&Preset::find(preset).unwrap().recipe, precision);
         assert_eq!(of("ema", Precision::F16).unwrap().max, 10.0 / 2048.0);
         assert_eq!(of("none", Precision::F16).unwrap().max, 2e-3);
-        assert_eq!(of("accumulate", Precision::F16).unwrap().max, 2e-3, "its history is 32-bit");
+        assert_eq!(
+            of("accumulate", Precision::F16).unwrap().max,
+            2e-3,
+            "its history is 32-bit"
+        );
         for preset in ["inside", "amortized", "phlm2016", "checkerboard", "taau"] {
             assert!(of(preset, Precision::F16).is_none(), "{preset}");
             assert_eq!(of(preset, Precision::F32).unwrap().max, 2e-3, "{preset}");

@@ -3,13 +3,13 @@
 //!
 //! Two twins in f64 go along. One runs by itself, and what it shows is held against what the GPU shows: errors of all passes
 //! and all frames so far. The other is set, after every pass, to what the GPU's pass wrote: it computes each pass from the
-//! GPU's own inputs, so that a pass answers for its own errors and for no others. Slow: a frame takes seconds, not
-//! milliseconds.
+//! GPU's own inputs, so that a pass answers for its own errors and for no others. Both have a shadow in f32, which says
+//! where 32-bit arithmetic does not determine the result. Slow: a frame takes seconds, not milliseconds.
 
 mod agreement;
 mod report;
 
-pub use agreement::{Agreement, Bounds, Worst};
+pub use agreement::{Agreement, Bounds, Compared, Worst};
 pub use report::{Bisection, FrameAgreement, Overview, PassAgreement, Validation, shown};
 
 use super::{
@@ -31,10 +31,10 @@ pub struct Validator<'a> {
     resolver: Resolver,
     timer: Timer,
     pool: ReadbackPool,
-    /// Runs by itself.
-    twin: Twin<f64>,
-    /// Is set to what each pass of the GPU wrote.
-    follower: Twin<f64>,
+    /// Run by themselves.
+    alone: Twins,
+    /// Are set to what each pass of the GPU wrote.
+    following: Twins,
     /// The pass whose twin computes what the GPU goes on with.
     swapped: Option<&'a str>,
     counted: Bounds,
@@ -52,7 +52,10 @@ impl<'a> Validator<'a> {
         swapped: Option<&'a str>,
         fault: Option<Fault<'_>>,
     ) -> Result<Self, GpuError> {
-        let twin = Twin::new(recipe.clone(), precision);
+        let twins = Twins {
+            f64: Twin::new(recipe.clone(), precision),
+            f32: Twin::new(recipe.clone(), precision),
+        };
         let wanted = BTreeSet::from([recipe.preparation()]);
         Ok(Self {
             gpu,
@@ -60,8 +63,8 @@ impl<'a> Validator<'a> {
             resolver: Resolver::with_fault(gpu, recipe.clone(), precision, sizes, fault)?,
             timer: Timer::new(gpu, 0),
             pool: ReadbackPool::default(),
-            follower: twin.clone(),
-            twin,
+            following: twins.clone(),
+            alone: twins,
             swapped,
             counted: Bounds::of_passes(recipe),
             promised: Bounds::of_frames(recipe, precision),
@@ -76,10 +79,11 @@ impl<'a> Validator<'a> {
     /// Resolves the next frame on both sides.
     pub fn frame(&mut self, frame: &Frame) -> Result<FrameAgreement, GpuError> {
         self.inputs.upload(self.gpu, frame)?;
-        self.follower.begin(frame);
+        self.following.f64.begin(frame);
+        self.following.f32.begin(frame);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let mut follow = Follow {
-            twin: &mut self.follower,
+            twins: &mut self.following,
             frame,
             swapped: self.swapped,
             bounds: self.counted,
@@ -98,21 +102,44 @@ impl<'a> Validator<'a> {
         self.resolver.record(&mut recorder, &self.inputs)?;
         let Follow { passes, shown, .. } = follow;
         let shown = shown.expect("the last pass shows");
-        let resolved = self.twin.resolve(frame).shown;
-        let expected = Plane::new(shown.name, [shown.scales[0]; 3], &resolved, |color| color);
+        let scales = [shown.scales[0]; 3];
+        let compared = Compared {
+            twin: Plane::new(shown.name, scales, &self.alone.f64.resolve(frame).shown, |color| color),
+            witness: Some(Plane::new(
+                shown.name,
+                scales,
+                &self.alone.f32.resolve(frame).shown,
+                |color| color,
+            )),
+            gpu: shown,
+        };
         Ok(FrameAgreement {
             index: frame.index,
             reset: frame.reset,
-            shown: Agreement::of(&[(shown, expected)], self.counted, self.promised),
+            shown: Agreement::of(&[compared], self.counted, self.promised),
             passes,
         })
+    }
+}
+
+/// The twin, and what says how far 32-bit arithmetic is from it.
+#[derive(Clone, Debug)]
+struct Twins {
+    f64: Twin<f64>,
+    f32: Twin<f32>,
+}
+
+impl Twins {
+    fn keep(&mut self, pass: &str, plane: &Plane<f64>) {
+        self.f64.keep(pass, plane);
+        self.f32.keep(pass, &plane.to_f32());
     }
 }
 
 /// Holds each pass against the twin as soon as it has run.
 #[derive(Debug)]
 struct Follow<'a> {
-    twin: &'a mut Twin<f64>,
+    twins: &'a mut Twins,
     frame: &'a Frame,
     swapped: Option<&'a str>,
     bounds: Bounds,
@@ -123,9 +150,14 @@ struct Follow<'a> {
 }
 
 impl Watch for Follow<'_> {
-    fn recorded(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
+    fn recorded(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        dispatch: &Dispatch<'_>,
+    ) -> Result<(), GpuError> {
         let pass = dispatch.label();
-        let expected = self.twin.compute(pass, self.frame);
+        let expected = self.twins.f64.compute(pass, self.frame);
         let mut readback = self.pool.begin();
         let written: Vec<_> = dispatch.bound().filter(|(.., access)| access.writes).collect();
         let outputs = expected.iter().map(|plane| {
@@ -141,26 +173,47 @@ impl Watch for Follow<'_> {
         let submission = gpu.scope("validating a pass", || gpu.queue.submit([recorded.finish()]))?;
         readback.map();
         gpu.wait(submission)?;
-        let mut pairs = Vec::with_capacity(outputs.len());
+        let mut compared = Vec::with_capacity(outputs.len());
+        let mut next = Vec::with_capacity(outputs.len());
         for (output, expected) in outputs.iter().zip(expected) {
             let texels = output.read(&readback, expected.extent)?;
-            let gpu_plane = texels.plane(&expected);
-            let next = if self.swapped == Some(pass) {
-                output.write(gpu, texels, &expected)?
-            } else {
-                gpu_plane.clone()
-            };
-            self.twin.keep(pass, &next);
-            if next.name == "shown" {
-                self.shown = Some(next);
+            let written = texels.plane(&expected);
+            next.push(match self.swapped == Some(pass) {
+                true => output.write(gpu, texels, &expected)?,
+                false => written.clone(),
+            });
+            compared.push(Compared {
+                gpu: written,
+                twin: expected,
+                witness: None,
+            });
+        }
+        let agreement = self.agreement(pass, compared);
+        for plane in next {
+            self.twins.keep(pass, &plane);
+            if plane.name == "shown" {
+                self.shown = Some(plane);
             }
-            pairs.push((gpu_plane, expected));
         }
         self.passes.push(PassAgreement {
             pass: pass.to_owned(),
-            agreement: Agreement::of(&pairs, self.bounds, Some(self.bounds)),
+            agreement,
         });
         Ok(())
+    }
+}
+
+impl Follow<'_> {
+    /// Asks the witness only where a pixel is beyond the bound.
+    fn agreement(&self, pass: &str, mut compared: Vec<Compared>) -> Agreement {
+        let found = Agreement::of(&compared, self.bounds, Some(self.bounds));
+        if found.n_beyond == 0 {
+            return found;
+        }
+        for (compared, witness) in compared.iter_mut().zip(self.twins.f32.compute(pass, self.frame)) {
+            compared.witness = Some(witness);
+        }
+        Agreement::of(&compared, self.bounds, Some(self.bounds))
     }
 }
 

@@ -20,7 +20,7 @@ pub struct Validation {
     /// Which pass is wrong, where that was asked for and any is.
     pub bisection: Option<Bisection>,
     /// In their order.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<FrameAgreement>,
 }
 
@@ -69,6 +69,8 @@ pub struct Overview {
     pub n_beyond: u64,
     /// The largest share of a frame's.
     pub share_beyond: f64,
+    /// Pixels beyond it that 32-bit arithmetic does not determine, in all frames.
+    pub n_undetermined: u64,
     /// Pixels that are not finite on the GPU, in all frames.
     pub non_finite_gpu: u64,
     /// And in the twin.
@@ -100,6 +102,7 @@ impl Overview {
             mean: largest(|agreement| agreement.mean),
             n_beyond: sum(|agreement| agreement.n_beyond),
             share_beyond: largest(|agreement| agreement.share_beyond),
+            n_undetermined: sum(|agreement| agreement.n_undetermined),
             non_finite_gpu: sum(|agreement| agreement.non_finite_gpu),
             non_finite_twin: sum(|agreement| agreement.non_finite_twin),
             n_disagreeing_frames: disagreeing.clone().count(),
