@@ -14,7 +14,7 @@ use afterimage::{
         files::{Backend, FileReader, Limits},
     },
     metrics::{Display, Metric, Tonemap},
-    run::{self, MetricsOn, Observer, PresetSpec, RunSpec},
+    run::{self, MetricsOn, Observer, PresetSpec, RunSpec, Validate},
     sequence::{Frame, Sequence, Sizes, frame::Rgb},
     taa::{
         Inputs, Precision, Preset, Repeat, Resolver,
@@ -48,6 +48,7 @@ fn spec(presets: &[&str], history: Precision) -> RunSpec {
         n_frames: None,
         repeat: 1,
         metrics_on: MetricsOn::Auto,
+        validate: Validate::No,
     }
 }
 

@@ -13,6 +13,7 @@ pub mod run;
 pub mod serve;
 pub mod submit;
 pub mod table;
+mod validation;
 
 use anyhow::Context;
 use serde::Serialize;

@@ -1,6 +1,6 @@
 //! `afterimage run`
 
-use super::{JsonTarget, note, print, progress_bar, table};
+use super::{JsonTarget, note, print, progress_bar, table, validation};
 use afterimage::{
     gpu::Gpu,
     image::{
@@ -8,7 +8,7 @@ use afterimage::{
         files::{Backend, FileReader, Limits, exr},
     },
     metrics::Metric,
-    run::{self, MetricsOn, Observer, PresetSpec, RunSpec, report::Report},
+    run::{self, MetricsOn, Observer, PresetSpec, RunSpec, Validate, report::Report},
     sequence::{Sequence, frame::Rgb},
     taa::Precision,
 };
@@ -26,6 +26,7 @@ use std::{
   afterimage run fixtures/pan --preset inside,karis2014
   afterimage run dump.tar --preset all --history f32 --frames 16 --json report.json
   afterimage run dump/manifest.json --preset ema --set current_weight=0.05 --images out
+  afterimage run dump --preset all --frames 8 --validate --adapter nvidia --history f32
   afterimage run dump --preset ema,karis2014 --set karis2014.history_filter=bilinear --metrics psnr,ssim")]
 pub struct Arguments {
     /// Folder with a manifest.json, the manifest itself, or a tar, tar.gz or zip of the folder
@@ -70,6 +71,13 @@ pub struct What {
     /// How often each pass of a frame is timed
     #[arg(long, value_name = "N", default_value_t = 1)]
     repeat: u32,
+    /// Hold the adapter against the CPU's twin, pass by pass and frame by frame; status 1 where it disagrees. Slow: the twin
+    /// computes in f64, seconds for each preset and frame of 1920×1080, so begin with `--frames 8`
+    #[arg(long)]
+    validate: bool,
+    /// Validate, and where anything disagrees swap one pass after another for its twin, to name the one that is wrong
+    #[arg(long)]
+    bisect: bool,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -119,6 +127,11 @@ impl What {
             n_frames: self.frames,
             repeat: self.repeat,
             metrics_on: MetricsOn::Auto,
+            validate: match (self.validate, self.bisect) {
+                (_, true) => Validate::Bisect,
+                (true, false) => Validate::Yes,
+                (false, false) => Validate::No,
+            },
         })
     }
 }
@@ -199,8 +212,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     }
     if !JsonTarget::takes_stdout(arguments.json.as_ref()) {
         print(&show(&report, &spec.metrics));
+        print(&validation::show(&report));
     }
-    Ok(report.is_finite())
+    Ok(report.is_finite() && report.agrees())
 }
 
 /// Shows progress, and writes images where asked to.

@@ -4,7 +4,7 @@ use super::{JsonTarget, print, progress_bar, run::What, run::file_reader, table}
 use afterimage::{
     image::files::Backend,
     metrics::{Metric, Value as MetricValue},
-    run::RunSpec,
+    run::{RunSpec, Validate},
     sequence::Sequence,
 };
 use anyhow::{Context, bail};
@@ -63,7 +63,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     if !JsonTarget::takes_stdout(arguments.json.as_ref()) {
         print(&show(&jobs, &arguments.what.metrics, &service));
     }
-    let ended_well = |job: &Value| arguments.no_wait || job["status"] == "done";
+    let reports = |job: &Value| job["reports"].as_array().cloned().unwrap_or_default();
+    let agrees = |job: &Value| {
+        !reports(job)
+            .iter()
+            .any(|report| report["validation"]["agrees"] == false)
+    };
+    let ended_well = |job: &Value| arguments.no_wait || job["status"] == "done" && agrees(job);
     Ok(jobs.iter().all(ended_well))
 }
 
@@ -129,6 +135,8 @@ impl Service {
             "history": spec.history,
             "repeat": spec.repeat,
             "frames": spec.n_frames,
+            "validate": spec.validate != Validate::No,
+            "bisect": spec.validate == Validate::Bisect,
             "branch": arguments.branch,
             "commit": arguments.commit,
             "label": arguments.label,
@@ -193,6 +201,16 @@ fn show(jobs: &[Value], metrics: &[Metric], service: &Service) -> String {
                     .map_or_else(|| "–".to_owned(), |ms| format!("{ms:.3}")),
             );
             table.add_row(row);
+            if report["validation"]["agrees"] == false {
+                let fault = match report["validation"]["bisection"]["pass"].as_str() {
+                    Some(pass) => format!(": `{pass}` is wrong"),
+                    None => String::new(),
+                };
+                rest += &format!(
+                    "{}: the adapter disagrees with the twin{fault}\n",
+                    text(&report["preset"])
+                );
+            }
         }
         if reports.is_empty() {
             let status = text(&job["status"]);

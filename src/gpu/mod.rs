@@ -13,7 +13,7 @@ pub use adapter::{Gpu, NO_DRIVER, adapters};
 pub use pass::{Bound, Dispatch, Invocation, Pass};
 pub use raster::{DepthTest, Raster, RasterBound, RasterSpec};
 pub use readback::{Readback, ReadbackPool};
-pub use reflection::UniformValue;
+pub use reflection::{Access, UniformValue};
 pub use texture::Texture;
 pub use timer::{Timer, Times};
 

@@ -7,7 +7,7 @@
 
 use super::{
     Gpu, GpuError, Texture,
-    reflection::{Binding, Reflection, UniformValue},
+    reflection::{Access, Binding, Reflection, UniformValue},
 };
 use crate::image::Extent;
 use std::collections::BTreeMap;
@@ -206,6 +206,7 @@ impl<'a> Invocation<'a> {
             .map_err(|cause| pass.error(cause.to_string()))?;
         Ok(Dispatch {
             pass,
+            bound: self.bound,
             bind_group,
             workgroups: [
                 extent.width.div_ceil(pass.workgroup[0]),
@@ -219,11 +220,23 @@ impl<'a> Invocation<'a> {
 #[derive(Debug)]
 pub struct Dispatch<'a> {
     pass: &'a Pass,
+    bound: Vec<(&'static str, Bound<'a>)>,
     bind_group: wgpu::BindGroup,
     workgroups: [u32; 2],
 }
 
-impl Dispatch<'_> {
+impl<'a> Dispatch<'a> {
+    /// The label of its pass.
+    pub fn label(&self) -> &'a str {
+        &self.pass.label
+    }
+
+    /// The textures and buffers that it reads or writes, by the names they have in WGSL.
+    pub fn bound(&self) -> impl Iterator<Item = (&'static str, Bound<'a>, Access)> {
+        let access = |name: &str| self.pass.bindings[name].access;
+        self.bound.iter().map(move |&(name, bound)| (name, bound, access(name)))
+    }
+
     /// Records the pass, timed where `timestamps` is given.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>) {
         self.record_workgroups(encoder, timestamps, self.workgroups);

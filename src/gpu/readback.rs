@@ -49,6 +49,9 @@ fn padded_row_bytes(width: u32, texel_bytes: u32) -> u32 {
     (width * texel_bytes).next_multiple_of(ROW_ALIGNMENT)
 }
 
+/// Bytes of an `rgba32float` texel.
+const RGBA_SIZE: u32 = 16;
+
 impl Readback {
     /// Records the copy of a texture's first level; returns the slot to read it from.
     ///
@@ -56,9 +59,7 @@ impl Readback {
     /// When the format is compressed or has several planes.
     pub fn copy_texture(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &Texture) -> usize {
         let extent = texture.extent();
-        let format = texture.raw().format();
-        let texel_bytes = format.block_copy_size(None).expect("a plain format");
-        let row_bytes = padded_row_bytes(extent.width, texel_bytes);
+        let row_bytes = padded_row_bytes(extent.width, texture.texel_bytes());
         let buffer = self.pool.take(gpu, u64::from(row_bytes) * u64::from(extent.height));
         encoder.copy_texture_to_buffer(
             texture.raw().as_image_copy(),
@@ -126,6 +127,25 @@ impl Readback {
         Ok(texels.map(bytemuck::pod_read_unaligned).collect())
     }
 
+    /// The texels of a slot that [`Readback::copy_texture`] returned for `texture`: all channels of the first, all of the
+    /// next. Integers, below 2²⁴, become floats.
+    pub fn floats(&self, slot: usize, texture: &Texture) -> Result<Vec<f32>, GpuError> {
+        let extent = texture.extent();
+        Ok(match (texture.format(), texture.texel_bytes()) {
+            (wgpu::TextureFormat::Rgba16Float, _) => {
+                let texels = self.texels::<[u16; 4]>(slot, extent)?.into_flattened();
+                texels.into_iter().map(|bits| half::f16::from_bits(bits).to_f32()).collect()
+            }
+            (wgpu::TextureFormat::R32Uint, _) => {
+                let texels: Vec<u32> = self.texels(slot, extent)?;
+                texels.into_iter().map(|value| value as f32).collect()
+            }
+            (_, 4) => self.texels(slot, extent)?,
+            (_, 8) => self.texels::<[f32; 2]>(slot, extent)?.into_flattened(),
+            _ => self.texels::<[f32; 4]>(slot, extent)?.into_flattened(),
+        })
+    }
+
     /// The colour of a slot that [`Readback::copy_texture`] returned for an `rgba32float` texture of this extent.
     pub fn rgb(&self, slot: usize, extent: crate::image::Extent) -> Result<Image<[f32; 3]>, GpuError> {
         let bytes = self.bytes(slot)?;
@@ -134,9 +154,9 @@ impl Readback {
         let mut pixels = vec![[0.0; 3]; extent.n_pixels()];
         pixels
             .par_chunks_exact_mut(width)
-            .zip(bytes.par_chunks_exact(padded_row_bytes(extent.width, 16) as usize))
+            .zip(bytes.par_chunks_exact(padded_row_bytes(extent.width, RGBA_SIZE) as usize))
             .for_each(|(row, padded)| {
-                for (pixel, rgba) in row.iter_mut().zip(padded.chunks_exact(16)) {
+                for (pixel, rgba) in row.iter_mut().zip(padded.chunks_exact(RGBA_SIZE as usize)) {
                     *pixel = bytemuck::pod_read_unaligned(&rgba[..12]);
                 }
             });

@@ -2,7 +2,7 @@
 
 use super::Gpu;
 use std::collections::{BTreeMap, BTreeSet};
-use wgpu::naga;
+use wgpu::naga::{self, valid::GlobalUse};
 
 /// A name that a shader binds.
 #[derive(Debug)]
@@ -10,7 +10,20 @@ pub(super) struct Binding {
     pub group: u32,
     pub index: u32,
     pub kind: wgpu::BindingType,
+    /// Of the entry points together.
+    pub access: Access,
     uniform: Option<UniformLayout>,
+}
+
+/// What a shader does with what is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Access {
+    /// Looks at its values, and not at its size alone.
+    pub reads: bool,
+    /// Changes them.
+    pub writes: bool,
+    /// They are `u32`.
+    pub integers: bool,
 }
 
 #[derive(Debug)]
@@ -133,10 +146,9 @@ impl Reflection {
             let (Some(name), Some(binding)) = (&variable.name, &variable.binding) else {
                 continue;
             };
-            if entries
-                .iter()
-                .all(|&entry| info.get_entry_point(entry)[handle].is_empty())
-            {
+            let uses = entries.iter().map(|&entry| info.get_entry_point(entry)[handle]);
+            let uses = uses.fold(GlobalUse::empty(), |all, uses| all | uses);
+            if uses.is_empty() {
                 continue;
             }
             let uniform = (variable.space == naga::AddressSpace::Uniform).then(|| uniform_layout(&module, variable.ty));
@@ -146,6 +158,11 @@ impl Reflection {
                     group: binding.group,
                     index: binding.binding,
                     kind: binding_type(&module, variable),
+                    access: Access {
+                        reads: uses.intersects(GlobalUse::READ | GlobalUse::ATOMIC),
+                        writes: uses.intersects(GlobalUse::WRITE | GlobalUse::ATOMIC),
+                        integers: is_integer(&module, variable.ty),
+                    },
                     uniform,
                 },
             );
@@ -216,5 +233,21 @@ fn uniform_layout(module: &naga::Module, ty: naga::Handle<naga::Type>) -> Unifor
             .iter()
             .filter_map(|member| Some((member.name.clone()?, (member.offset, layout(member.ty)))))
             .collect(),
+    }
+}
+
+/// Whether values of a type are `u32`; of a structure, whether its first field is.
+fn is_integer(module: &naga::Module, ty: naga::Handle<naga::Type>) -> bool {
+    match &module.types[ty].inner {
+        naga::TypeInner::Scalar(scalar) | naga::TypeInner::Atomic(scalar) => scalar.kind == naga::ScalarKind::Uint,
+        naga::TypeInner::Vector { scalar, .. } => scalar.kind == naga::ScalarKind::Uint,
+        naga::TypeInner::Array { base, .. } => is_integer(module, *base),
+        naga::TypeInner::Struct { members, .. } => members.first().is_some_and(|first| is_integer(module, first.ty)),
+        naga::TypeInner::Image { class, .. } => match class {
+            naga::ImageClass::Sampled { kind, .. } => *kind == naga::ScalarKind::Uint,
+            naga::ImageClass::Storage { format, .. } => naga::Scalar::from(*format).kind == naga::ScalarKind::Uint,
+            _ => false,
+        },
+        _ => false,
     }
 }

@@ -92,6 +92,18 @@ impl Texture {
         self.extent
     }
 
+    /// How its texels are stored.
+    pub fn format(&self) -> wgpu::TextureFormat {
+        self.texture.format()
+    }
+
+    /// Bytes of a texel.
+    pub fn texel_bytes(&self) -> u32 {
+        self.format()
+            .block_copy_size(None)
+            .expect("colour formats have blocks of one texel")
+    }
+
     /// For binding, and for drawing to.
     pub fn view(&self) -> &wgpu::TextureView {
         &self.view
@@ -127,6 +139,24 @@ impl Texture {
     /// Uploads integers as `r32uint`.
     pub fn write_u32(&self, gpu: &Gpu, image: &Image<u32>) {
         self.write(gpu, bytemuck::cast_slice(image.pixels()));
+    }
+
+    /// Uploads floats, all channels of a texel after each other, in the texture's own format: 16-bit ones round.
+    pub fn write_floats(&self, gpu: &Gpu, values: &[f32]) {
+        match self.format() {
+            wgpu::TextureFormat::Rgba16Float => {
+                let halves: Vec<_> = values
+                    .iter()
+                    .map(|&value| half::f16::from_f32(value).to_bits())
+                    .collect();
+                self.write(gpu, bytemuck::cast_slice(&halves));
+            }
+            wgpu::TextureFormat::R32Uint => {
+                let numbers: Vec<_> = values.iter().map(|&value| value as u32).collect();
+                self.write(gpu, bytemuck::cast_slice(&numbers));
+            }
+            _ => self.write(gpu, bytemuck::cast_slice(values)),
+        }
     }
 
     fn write(&self, gpu: &Gpu, bytes: &[u8]) {

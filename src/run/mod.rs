@@ -6,6 +6,7 @@ mod plan;
 pub mod report;
 mod scoring;
 mod times;
+mod validation;
 
 use crate::{
     gpu::{Gpu, GpuError},
@@ -46,6 +47,22 @@ pub struct RunSpec {
     /// Where metrics are computed.
     #[serde(default)]
     pub metrics_on: MetricsOn,
+    /// Whether the adapter is held against the twin on the CPU.
+    #[serde(default)]
+    pub validate: Validate,
+}
+
+/// Whether the adapter's results are held against the twin's, pass by pass. Slow: the twin computes in f64 on the CPU.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Validate {
+    /// Not at all.
+    #[default]
+    No,
+    /// Every pass of every frame.
+    Yes,
+    /// And where anything disagrees, each pass is swapped for its twin to find which one is wrong.
+    Bisect,
 }
 
 /// Where metrics are computed: the values agree, the times do not.
@@ -79,7 +96,7 @@ impl RunSpec {
 
 /// Watches a run from outside. Called from the run's own threads.
 pub trait Observer: Sync {
-    /// `n_done` of `n_total` frame × preset pairs have their metrics.
+    /// `n_done` of `n_total` frame × preset pairs have their metrics; as many again are validated, where that was asked for.
     fn progress(&self, n_done: usize, n_total: usize);
     /// Whether `output` should be called.
     fn wants_output(&self) -> bool;
@@ -151,5 +168,13 @@ pub fn admitted(sequence: &Sequence) -> (Vec<&'static Preset>, Vec<(&'static Pre
 
 /// Runs every preset of `spec` over `sequence`. Decoding, the GPU and the metrics overlap; frames arrive in order.
 pub fn execute(spec: &RunSpec, sequence: &Sequence, gpu: &Gpu, observer: &dyn Observer) -> Result<Report, RunError> {
-    pipeline::run(&Plan::new(spec, sequence)?, spec, sequence, gpu, observer)
+    let plan = Plan::new(spec, sequence)?;
+    let mut report = pipeline::run(&plan, spec, sequence, gpu, observer)?;
+    if spec.validate != Validate::No {
+        let found = validation::validate(&plan, spec, sequence, gpu, observer)?;
+        for (preset, validation) in report.reports.iter_mut().zip(found) {
+            preset.validation = Some(validation);
+        }
+    }
+    Ok(report)
 }

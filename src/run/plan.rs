@@ -1,6 +1,6 @@
 //! From what was asked to what will be done: everything about a run that can be known, or refused, before it starts.
 
-use super::{PresetSpec, RunError, RunSpec};
+use super::{PresetSpec, RunError, RunSpec, Validate};
 use crate::{
     gpu::Timer,
     metrics::Metric,
@@ -20,6 +20,8 @@ pub struct Plan {
     pub prepared: BTreeSet<Preparation>,
     pub n_frames: usize,
     pub repeat: u32,
+    /// Frame × preset pairs that are validated after the run.
+    pub n_validated: usize,
 }
 
 /// A preset with its overrides applied.
@@ -27,6 +29,8 @@ pub struct Plan {
 pub struct System {
     pub preset: String,
     pub recipe: Recipe,
+    /// What it reads of the sequence.
+    pub channels: Channels,
     pub notes: Vec<String>,
 }
 
@@ -74,10 +78,14 @@ impl Plan {
             }
         }
         let plan = Self {
-            channels: channels(&systems, available, &metrics),
+            channels: channels(&systems, &metrics),
             systems,
             metrics,
             prepared,
+            n_validated: match spec.validate {
+                Validate::No => 0,
+                Validate::Yes | Validate::Bisect => spec.presets.len() * n_frames,
+            },
             n_frames,
             repeat: spec.repeat,
         };
@@ -111,6 +119,9 @@ impl System {
         Ok(Self {
             preset: wanted.preset.clone(),
             notes: notes(&recipe, sequence, n_frames),
+            channels: recipe
+                .required_channels()
+                .union(recipe.optional_channels().intersection(sequence.available())),
             recipe,
         })
     }
@@ -158,16 +169,13 @@ pub fn admits(sequence: &Sequence, recipe: &Recipe) -> Result<(), Unfit> {
     }
 }
 
-fn channels(systems: &[System], available: Channels, metrics: &[Metric]) -> Channels {
+fn channels(systems: &[System], metrics: &[Metric]) -> Channels {
     let scored = Channels {
         reference: !metrics.is_empty(),
         motion: metrics.iter().any(|metric| metric.needs_motion()),
         ..Channels::default()
     };
-    systems.iter().fold(scored, |all, System { recipe, .. }| {
-        let optional = recipe.optional_channels().intersection(available);
-        all.union(recipe.required_channels()).union(optional)
-    })
+    systems.iter().fold(scored, |all, system| all.union(system.channels))
 }
 
 fn missing(required: Channels, available: Channels) -> Vec<&'static str> {

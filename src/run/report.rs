@@ -3,6 +3,7 @@
 use crate::{
     image::Extent,
     metrics::{Summary, Value},
+    taa::validation::Validation,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -30,6 +31,12 @@ impl Report {
     pub fn is_finite(&self) -> bool {
         let mut frames = self.reports.iter().flat_map(|preset| &preset.frames);
         frames.all(|frame| frame.non_finite_pixels == 0)
+    }
+
+    /// Whether the adapter agrees with the twin in whatever was validated.
+    pub fn agrees(&self) -> bool {
+        let mut validations = self.reports.iter().filter_map(|preset| preset.validation.as_ref());
+        validations.all(|validation| validation.agrees)
     }
 }
 
@@ -72,6 +79,9 @@ pub struct PresetReport {
     pub parameters: serde_json::Value,
     /// What a reader must know to trust the numbers, such as "the input is jittered".
     pub notes: Vec<String>,
+    /// How far the adapter is from the twin, where that was asked for.
+    #[serde(default)]
+    pub validation: Option<Validation>,
     /// Every frame, warm-up included.
     pub frames: Vec<FrameReport>,
     /// By metric id, over frames after warm-up.

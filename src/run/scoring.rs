@@ -148,8 +148,10 @@ impl<'a> Scorer<'a> {
             let report = self.score_preset(submitted, index, reference.as_ref(), picture.as_ref(), pass_ms)?;
             self.gathered[index].frames.push(report);
             let n_systems = self.plan.systems.len();
-            self.observer
-                .progress(frame_index * n_systems + index + 1, self.plan.n_frames * n_systems);
+            self.observer.progress(
+                frame_index * n_systems + index + 1,
+                self.plan.n_frames * n_systems + self.plan.n_validated,
+            );
         }
         self.reference = reference;
         Ok(())
@@ -316,6 +318,7 @@ impl<'a> Scorer<'a> {
                         notes,
                         summary: summaries(&plan.metrics, &frames),
                         times_ms,
+                        validation: None,
                         frames,
                     }
                 })

@@ -3,7 +3,7 @@
 use super::{ApiError, ApiPath, ApiQuery, Service, Shared, extract::ApiJson, sequences};
 use crate::{
     metrics::Metric,
-    run::{self, MetricsOn, PresetSpec, RunSpec},
+    run::{self, MetricsOn, PresetSpec, RunSpec, Validate},
     sequence::Sequence,
     store::{Cancelled, Images, Job, JobFilter, JobSpec, NewJob, Report, ReportFilter, Status, Timestamp},
     taa::{Precision, Preset},
@@ -36,6 +36,12 @@ pub struct JobRequest {
     repeat: u32,
     /// Only the first so many.
     frames: Option<usize>,
+    /// Hold the adapter against the twin.
+    #[serde(default)]
+    validate: bool,
+    /// And find the pass that is wrong, if any.
+    #[serde(default)]
+    bisect: bool,
     #[serde(default)]
     images: Images,
     branch: Option<String>,
@@ -125,6 +131,11 @@ async fn validated(
         n_frames: request.frames,
         repeat: request.repeat,
         metrics_on: MetricsOn::Auto,
+        validate: match (request.validate, request.bisect) {
+            (_, true) => Validate::Bisect,
+            (true, false) => Validate::Yes,
+            (false, false) => Validate::No,
+        },
     };
     for (index, spec) in run.presets.iter().enumerate() {
         check_preset(index, spec)?;

@@ -200,6 +200,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/reports", get(reports::list))
         .route("/reports/{report}", get(reports::get))
         .route("/reports/{report}/frames", get(reports::rows))
+        .route("/reports/{report}/validation", get(reports::validation))
         .route("/reports/{report}/frames/{frame}/{image}", get(frames::of_report))
         .route("/series", get(reports::series))
         .fallback(unknown_path);

@@ -5,6 +5,7 @@ use crate::{
     metrics::Metric,
     run::report::FrameReport,
     store::{GPU_TIME, Point, Report, ReportFilter, Series, SeriesFilter},
+    taa::validation::Validation,
 };
 use axum::{
     Json,
@@ -54,6 +55,18 @@ async fn hash_of(service: &Service, sequence: Option<&str>) -> Result<Option<Str
 /// One report without its frames.
 pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Json<Report>, ApiError> {
     find(&service, id).await.map(Json)
+}
+
+/// How far the adapter is from the twin, with every pass of every frame.
+pub async fn validation(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Json<Validation>, ApiError> {
+    find(&service, id).await?;
+    let found = service.store.validation(id).await?;
+    let absent = || {
+        ApiError::not_found(format!(
+            "report {id} was not validated; a job with \"validate\": true is"
+        ))
+    };
+    found.map(Json).ok_or_else(absent)
 }
 
 /// Query of `GET /reports/{id}/frames`.

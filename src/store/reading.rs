@@ -4,7 +4,7 @@ use super::{Store, StoreError, Timestamp, value};
 use crate::{
     metrics::{Summary, Value},
     run::report::{AdapterInfo, FrameReport, TimeSummary},
-    taa::Precision,
+    taa::{Precision, validation::Validation},
 };
 use serde::Serialize;
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
@@ -49,6 +49,8 @@ pub struct Report {
     pub metric_versions: BTreeMap<String, u32>,
     /// By pass, milliseconds.
     pub times_ms: BTreeMap<String, TimeSummary>,
+    /// How far the adapter is from the twin, without its frames; none where that was not asked.
+    pub validation: Option<Validation>,
 }
 
 /// What two reports must share to be comparable.
@@ -163,6 +165,7 @@ impl FromRow<'_, SqliteRow> for Report {
             summary: BTreeMap::new(),
             metric_versions: BTreeMap::new(),
             times_ms: BTreeMap::new(),
+            validation: None,
         })
     }
 }
@@ -269,7 +272,28 @@ impl Store {
             let n = n as usize;
             report.times_ms.insert(pass, TimeSummary { median, min, mad, n });
         }
+        let validation: Option<String> = sqlx::query_scalar("SELECT summary FROM validations WHERE report_id = ?")
+            .bind(report.id)
+            .fetch_optional(&self.readers)
+            .await?;
+        report.validation = validation.map(|json| serde_json::from_str(&json)).transpose()?;
         Ok(report)
+    }
+
+    /// How far the adapter was from the twin in a report, with every frame; none where that was not asked.
+    pub async fn validation(&self, report_id: i64) -> Result<Option<Validation>, StoreError> {
+        let found: Option<(String, String)> =
+            sqlx::query_as("SELECT summary, frames FROM validations WHERE report_id = ?")
+                .bind(report_id)
+                .fetch_optional(&self.readers)
+                .await?;
+        let Some((summary, frames)) = found else {
+            return Ok(None);
+        };
+        Ok(Some(Validation {
+            frames: serde_json::from_str(&frames)?,
+            ..serde_json::from_str(&summary)?
+        }))
     }
 
     /// Every frame of a report, in order.

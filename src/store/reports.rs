@@ -1,7 +1,10 @@
 //! Writing what a job produced: every row and the job's `done`, in one transaction.
 
 use super::{Claim, Store, StoreError, Timestamp, value};
-use crate::run::report::{AdapterInfo, FrameReport, PresetReport, Report};
+use crate::{
+    run::report::{AdapterInfo, FrameReport, PresetReport, Report},
+    taa::validation::Validation,
+};
 use sqlx::{Sqlite, Transaction};
 use std::collections::BTreeMap;
 
@@ -26,7 +29,13 @@ impl Store {
             report
                 .reports
                 .iter()
-                .map(|preset| preset.frames.len() as i64)
+                .map(|preset| {
+                    let validated = preset
+                        .validation
+                        .as_ref()
+                        .map_or(0, |validation| validation.frames.len());
+                    (preset.frames.len() + validated) as i64
+                })
                 .sum::<i64>(),
         )
         .execute(&mut *transaction)
@@ -128,6 +137,9 @@ impl ReportWriter<'_> {
         for frame in &preset.frames {
             self.frame(report_id, frame).await?;
         }
+        if let Some(validation) = &preset.validation {
+            self.validation(report_id, validation).await?;
+        }
         Ok(report_id)
     }
 
@@ -189,6 +201,19 @@ impl ReportWriter<'_> {
             .execute(&mut *self.transaction)
             .await?;
         }
+        Ok(())
+    }
+
+    async fn validation(&mut self, report_id: i64, validation: &Validation) -> Result<(), StoreError> {
+        let mut summary = validation.clone();
+        let frames = std::mem::take(&mut summary.frames);
+        sqlx::query("INSERT INTO validations (report_id, agrees, summary, frames) VALUES (?, ?, ?, ?)")
+            .bind(report_id)
+            .bind(validation.agrees)
+            .bind(serde_json::to_string(&summary)?)
+            .bind(serde_json::to_string(&frames)?)
+            .execute(&mut *self.transaction)
+            .await?;
         Ok(())
     }
 

@@ -40,7 +40,6 @@ impl Checkerboard {
             .bind("next_history", self.history.current())
             .bind("shown", shown)
             .over(recorder.gpu, view.sizes().render)?;
-        recorder.record(&resolve);
-        Ok(())
+        recorder.record(&resolve)
     }
 }

@@ -2,7 +2,8 @@
 //! working domain once, too.
 
 use super::{
-    Carried, Preparation, Recipe, Source,
+    Carried, Fault, Preparation, Recipe, Source,
+    fault::planted,
     recipe::InputFilter,
     recorder::{Recorder, Repeat},
 };
@@ -62,10 +63,21 @@ const PREPARE: [&str; 5] = [
 impl Inputs {
     /// Room for frames of `sizes` with `channels`, prepared for each of `wanted`.
     pub fn new(gpu: &Gpu, sizes: Sizes, channels: Channels, wanted: &BTreeSet<Preparation>) -> Result<Self, GpuError> {
+        Self::with_fault(gpu, sizes, channels, wanted, None)
+    }
+
+    /// The same with a mistake in `prepare`.
+    pub fn with_fault(
+        gpu: &Gpu,
+        sizes: Sizes,
+        channels: Channels,
+        wanted: &BTreeSet<Preparation>,
+        fault: Option<Fault<'_>>,
+    ) -> Result<Self, GpuError> {
         let extent = sizes.render;
         let prepared = wanted
             .iter()
-            .map(|&key| Ok((key, Prepared::new(gpu, extent, key, channels)?)))
+            .map(|&key| Ok((key, Prepared::new(gpu, extent, key, channels, fault)?)))
             .collect::<Result<_, GpuError>>()?;
         gpu.scope("making room for a frame", || {
             let texture = |label, format| Texture::new(gpu, label, extent, format);
@@ -144,7 +156,13 @@ impl Inputs {
             encoder,
             timer,
             repeat,
+            watch: None,
         };
+        self.record(&mut recorder)
+    }
+
+    /// Records the preparation of every colour wanted, in their order.
+    pub fn record(&self, recorder: &mut Recorder<'_>) -> Result<(), GpuError> {
         for (preparation, prepared) in &self.prepared {
             let dispatch = prepared
                 .pass
@@ -153,8 +171,8 @@ impl Inputs {
                 .bind("color", &prepared.color)
                 .bind("repaired_texels", &prepared.repaired_texels)
                 .uniform("display", &self.display_fields())
-                .over(gpu, self.sizes.render)?;
-            recorder.record_from_zero(&dispatch, &prepared.repaired_texels);
+                .over(recorder.gpu, self.sizes.render)?;
+            recorder.record_from_zero(&dispatch, &prepared.repaired_texels)?;
         }
         Ok(())
     }
@@ -228,12 +246,20 @@ impl<'a> View<'a> {
 }
 
 impl Prepared {
-    fn new(gpu: &Gpu, extent: Extent, key: Preparation, channels: Channels) -> Result<Self, GpuError> {
+    fn new(
+        gpu: &Gpu,
+        extent: Extent,
+        key: Preparation,
+        channels: Channels,
+        fault: Option<Fault<'_>>,
+    ) -> Result<Self, GpuError> {
         let overrides = [
             ("domain", f64::from(key.domain as u32)),
             ("with_albedo", f64::from(u8::from(key.albedo && channels.albedo))),
         ];
-        let pass = Pass::new(gpu, "prepare", &PREPARE, &overrides)?;
+        let sources = planted(fault, "prepare", &PREPARE)?;
+        let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
+        let pass = Pass::new(gpu, "prepare", &sources, &overrides)?;
         gpu.scope("making room for a colour", || Self {
             pass,
             color: Texture::new(gpu, "prepared color", extent, TextureFormat::Rgba32Float),

@@ -6,6 +6,7 @@
 
 mod carried;
 mod checkerboard;
+mod fault;
 mod inputs;
 mod phlm2016;
 mod preset;
@@ -17,11 +18,13 @@ mod smaa_area;
 mod sobel2018;
 mod spatial;
 mod temporal;
+pub mod validation;
 
+pub use fault::Fault;
 pub use inputs::Inputs;
 pub use preset::{PRESETS, Preset, UnknownPreset};
 pub use recipe::{Recipe, RecipeError, SizesError};
-pub use recorder::Repeat;
+pub use recorder::{Recorder, Repeat, Watch};
 pub use resolver::Resolver;
 
 use crate::sequence::Channels;

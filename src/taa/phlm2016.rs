@@ -62,7 +62,7 @@ impl Phlm {
             .bind_to(&self.still)
             .bind("moves", &self.moves)
             .over(recorder.gpu, view.sizes().render)?;
-        recorder.record_from_zero(&still, &self.moves);
+        recorder.record_from_zero(&still, &self.moves)?;
         let model = view
             .bind_to(&self.model)
             .bind("coefficients", self.coefficients.previous())
@@ -76,8 +76,7 @@ impl Phlm {
             .bind("moves", &self.moves)
             .bind("shown", shown)
             .over(recorder.gpu, view.sizes().render)?;
-        recorder.record(&model);
-        Ok(())
+        recorder.record(&model)
     }
 }
 
@@ -85,7 +84,7 @@ fn buffer(gpu: &Gpu, label: &str, size: u64) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })
 }

@@ -1,6 +1,6 @@
 //! Where a recipe's passes are recorded.
 
-use crate::gpu::{Dispatch, Gpu, Timer};
+use crate::gpu::{Dispatch, Gpu, GpuError, Timer};
 
 /// How often the passes of a submission run.
 #[derive(Clone, Copy, Debug)]
@@ -11,26 +11,48 @@ pub enum Repeat {
     Timed(u32),
 }
 
+/// Sees every pass as soon as it is recorded, before the next one is.
+pub trait Watch: std::fmt::Debug {
+    /// `encoder` holds what was recorded since it last was submitted; the watch may submit it and leave another.
+    fn recorded(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        dispatch: &Dispatch<'_>,
+    ) -> Result<(), GpuError>;
+}
+
 /// Records passes into one submission.
 #[derive(Debug)]
 pub struct Recorder<'a> {
+    /// Where they will run.
     pub gpu: &'a Gpu,
+    /// What they are recorded into.
     pub encoder: &'a mut wgpu::CommandEncoder,
+    /// What times them.
     pub timer: &'a mut Timer,
+    /// How often they run.
     pub repeat: Repeat,
+    /// Who looks at what they write.
+    pub watch: Option<&'a mut dyn Watch>,
 }
 
 impl Recorder<'_> {
-    pub fn record(&mut self, dispatch: &Dispatch<'_>) {
-        self.record_after(dispatch, |_| ());
+    /// Records a pass.
+    pub fn record(&mut self, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
+        self.record_after(dispatch, |_| ())
     }
 
     /// Records a pass that adds to `sum`, which is cleared before each time.
-    pub fn record_from_zero(&mut self, dispatch: &Dispatch<'_>, sum: &wgpu::Buffer) {
-        self.record_after(dispatch, |encoder| encoder.clear_buffer(sum, 0, None));
+    pub fn record_from_zero(&mut self, dispatch: &Dispatch<'_>, sum: &wgpu::Buffer) -> Result<(), GpuError> {
+        self.record_after(dispatch, |encoder| encoder.clear_buffer(sum, 0, None))
     }
 
-    fn record_after(&mut self, dispatch: &Dispatch<'_>, before: impl Fn(&mut wgpu::CommandEncoder)) {
+    fn record_after(
+        &mut self,
+        dispatch: &Dispatch<'_>,
+        before: impl Fn(&mut wgpu::CommandEncoder),
+    ) -> Result<(), GpuError> {
         match self.repeat {
             Repeat::WarmUp => dispatch.record_corner(self.encoder),
             Repeat::Timed(n) => {
@@ -39,6 +61,10 @@ impl Recorder<'_> {
                     dispatch.record(self.encoder, self.timer.time());
                 }
             }
+        }
+        match &mut self.watch {
+            Some(watch) => watch.recorded(self.gpu, self.encoder, dispatch),
+            None => Ok(()),
         }
     }
 }

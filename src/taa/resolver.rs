@@ -1,7 +1,7 @@
 //! One recipe on the GPU: its specialised passes and what they keep from frame to frame.
 
 use super::{
-    Inputs, Precision, Recipe,
+    Fault, Inputs, Precision, Recipe,
     checkerboard::Checkerboard,
     phlm2016::Phlm,
     recipe::Algorithm,
@@ -35,6 +35,17 @@ enum Passes {
 impl Resolver {
     /// Compiles the passes of `recipe` and makes room for frames of `sizes`.
     pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, sizes: Sizes) -> Result<Self, GpuError> {
+        Self::with_fault(gpu, recipe, precision, sizes, None)
+    }
+
+    /// The same with a mistake in one pass.
+    pub fn with_fault(
+        gpu: &Gpu,
+        recipe: Recipe,
+        precision: Precision,
+        sizes: Sizes,
+        fault: Option<Fault<'_>>,
+    ) -> Result<Self, GpuError> {
         let refused = |message: String| GpuError::Pass {
             pass: "resolve".to_owned(),
             message,
@@ -46,6 +57,7 @@ impl Resolver {
             precision: recipe.precision(precision),
             recipe: &recipe,
             sizes,
+            fault,
         };
         let antialiasing = Antialiasing::new(builder)?;
         let passes = match recipe.algorithm {
@@ -81,16 +93,22 @@ impl Resolver {
             encoder,
             timer,
             repeat,
+            watch: None,
         };
+        self.record(&mut recorder, inputs)
+    }
+
+    /// Records the passes of [`Recipe::passes`] for the frame in `inputs`.
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, inputs: &Inputs) -> Result<(), GpuError> {
         let mut view = inputs.view(&self.recipe);
         if let Some(antialiasing) = &self.antialiasing {
-            antialiasing.record(&mut recorder, view)?;
+            antialiasing.record(recorder, view)?;
             view = view.with_color(antialiasing.antialiased());
         }
         match &mut self.passes {
-            Passes::Temporal(temporal) => temporal.record(&mut recorder, view, &self.shown),
-            Passes::Phlm2016(phlm) => phlm.record(&mut recorder, view, &self.shown),
-            Passes::Checkerboard(checkerboard) => checkerboard.record(&mut recorder, view, &self.shown),
+            Passes::Temporal(temporal) => temporal.record(recorder, view, &self.shown),
+            Passes::Phlm2016(phlm) => phlm.record(recorder, view, &self.shown),
+            Passes::Checkerboard(checkerboard) => checkerboard.record(recorder, view, &self.shown),
         }
     }
 

@@ -41,7 +41,7 @@ impl Edges {
             .bind_to(&self.find)
             .bind("edges", &self.edges)
             .over(recorder.gpu, view.sizes().render)?;
-        recorder.record(&find);
+        recorder.record(&find)?;
         let stabilise = view
             .bind_to(&self.stabilise)
             .bind("edges", &self.edges)
@@ -49,8 +49,7 @@ impl Edges {
             .bind("next_edge_history", self.history.current())
             .bind("stabilised", &self.stable)
             .over(recorder.gpu, view.sizes().render)?;
-        recorder.record(&stabilise);
-        Ok(())
+        recorder.record(&stabilise)
     }
 
     /// How strong the edge through each pixel is, 0 to 1.

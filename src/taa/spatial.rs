@@ -54,8 +54,7 @@ impl Antialiasing {
                     .bind_to(pass)
                     .bind("antialiased", &self.antialiased)
                     .over(recorder.gpu, view.sizes().render)?;
-                recorder.record(&fxaa);
-                Ok(())
+                recorder.record(&fxaa)
             }
             Filter::Smaa(smaa) => smaa.record(recorder, view, &self.antialiased),
         }

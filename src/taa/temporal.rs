@@ -1,11 +1,11 @@
 //! The temporal pass (`shaders/taa/temporal`), and the passes before it that some of its blocks need.
 
-mod compensation;
-mod difference;
+mod chain;
 mod moments;
 
 use super::{
-    Carried, Precision, Recipe,
+    Carried, Fault, Precision, Recipe,
+    fault::planted,
     inputs::View,
     recipe::{HistoryFilter, Sharpen},
     recorder::Recorder,
@@ -16,8 +16,7 @@ use crate::{
     image::Extent,
     sequence::Sizes,
 };
-use compensation::Compensation;
-use difference::Difference;
+use chain::{COMPENSATION, Chain, DIFFERENCE};
 use moments::Moments;
 use wgpu::TextureFormat;
 
@@ -53,6 +52,7 @@ pub struct Builder<'a> {
     pub recipe: &'a Recipe,
     pub precision: Precision,
     pub sizes: Sizes,
+    pub fault: Option<Fault<'a>>,
 }
 
 impl Builder<'_> {
@@ -63,12 +63,10 @@ impl Builder<'_> {
             Precision::F32 => HISTORY_F32,
         };
         let sources: Vec<_> = [text].into_iter().chain(SHARED).chain([store]).collect();
-        Pass::new(
-            self.gpu,
-            name,
-            &sources,
-            &[&self.recipe.overrides(), overrides].concat(),
-        )
+        let sources = planted(self.fault, name, &sources)?;
+        let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
+        let overrides = [&self.recipe.overrides(), overrides].concat();
+        Pass::new(self.gpu, name, &sources, &overrides)
     }
 
     /// The format of a colour's history.
@@ -88,8 +86,8 @@ impl Builder<'_> {
 /// The passes of a temporal recipe and what they keep.
 #[derive(Debug)]
 pub struct Temporal {
-    compensation: Option<Compensation>,
-    difference: Option<Difference>,
+    compensation: Option<Chain>,
+    difference: Option<Chain>,
     moments: Option<Moments>,
     edges: Option<Edges>,
     resolve: Pass,
@@ -106,10 +104,10 @@ impl Temporal {
     pub fn passes(recipe: &Recipe) -> Vec<&'static str> {
         let mut passes = Vec::new();
         if needs_compensation(recipe) {
-            passes.extend(Compensation::PASSES);
+            passes.extend(chain::names(COMPENSATION));
         }
         if recipe.finds_differences() {
-            passes.extend(Difference::PASSES);
+            passes.extend(chain::names(DIFFERENCE));
         }
         if needs_moments(recipe) {
             passes.extend(Moments::PASSES);
@@ -128,11 +126,11 @@ impl Temporal {
         let Builder { gpu, recipe, .. } = builder;
         let extent = builder.sizes.output;
         let compensation = needs_compensation(recipe)
-            .then(|| Compensation::new(builder))
+            .then(|| Chain::new(builder, COMPENSATION, extent))
             .transpose()?;
         let difference = recipe
             .finds_differences()
-            .then(|| Difference::new(builder))
+            .then(|| Chain::new(builder, DIFFERENCE, builder.sizes.render))
             .transpose()?;
         let moments = needs_moments(recipe).then(|| Moments::new(builder)).transpose()?;
         let edges = recipe.finds_edges().then(|| Edges::new(builder)).transpose()?;
@@ -162,11 +160,11 @@ impl Temporal {
         let history = self.history.previous();
         let nothing = &self.nothing;
         if let Some(compensation) = &self.compensation {
-            compensation.record(recorder, view, history)?;
+            compensation.record(recorder, view, &[("history", history)])?;
         }
-        let compensated = self.compensation.as_ref().map_or(nothing, Compensation::compensated);
+        let compensated = self.compensation.as_ref().map_or(nothing, Chain::made);
         if let Some(difference) = &self.difference {
-            difference.record(recorder, view, history, compensated)?;
+            difference.record(recorder, view, &[("history", history), ("compensated", compensated)])?;
         }
         if let Some(moments) = &self.moments {
             moments.record(recorder, view)?;
@@ -181,10 +179,7 @@ impl Temporal {
             .bind("next_history", self.history.current())
             .bind("n_samples", self.n_samples.previous())
             .bind("next_n_samples", self.n_samples.current())
-            .bind(
-                "difference_rows",
-                self.difference.as_ref().map_or(nothing, Difference::rows),
-            )
+            .bind("difference_rows", self.difference.as_ref().map_or(nothing, Chain::made))
             .bind("window_means", self.moments.as_ref().map_or(nothing, Moments::means))
             .bind(
                 "window_variances",
@@ -193,14 +188,14 @@ impl Temporal {
             .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
             .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved))
             .over(recorder.gpu, view.sizes().output)?;
-        recorder.record(&resolve);
+        recorder.record(&resolve)?;
         if let Some((sharpen, resolved)) = &self.sharpen {
             let sharpen = view
                 .bind_to(sharpen)
                 .bind("resolved", resolved)
                 .bind("shown", shown)
                 .over(recorder.gpu, view.sizes().output)?;
-            recorder.record(&sharpen);
+            recorder.record(&sharpen)?;
         }
         Ok(())
     }

@@ -205,6 +205,10 @@ impl Results {
                 h2 #images { "Images" }
                 (self.images(query))
             }
+            @if self.reports.iter().any(|report| report.validation.is_some()) {
+                h2 { "Validation" }
+                (self.validation())
+            }
             h2 { "Times" }
             (self.times())
         }
@@ -336,6 +340,53 @@ impl Results {
                 }
             }
             p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta." }
+        }
+    }
+
+    /// The frames and every pass of each preset against the twin.
+    fn validation(&self) -> Markup {
+        let bad = self
+            .reports
+            .iter()
+            .filter(|report| report.validation.as_ref().is_some_and(|found| !found.agrees));
+        html! {
+            @for report in bad {
+                @let bisection = report.validation.as_ref().and_then(|found| found.bisection.as_ref());
+                div.notice.bad role="alert" { p {
+                    b { (parts::recipe(&report.series)) } ": the adapter disagrees with the twin. "
+                    @if let Some((pass, frame)) = bisection.and_then(|found| found.pass.as_ref().zip(found.frame)) {
+                        "Pass " code { (pass) } " is wrong, first in frame " (frame) "."
+                    }
+                } }
+            }
+            div.scroll { table {
+                thead { tr {
+                    th { "Preset" } th { "Pass" } th { "Verdict" } th.number { "max |Δ|" } th.number { "mean |Δ|" }
+                    th.number { "beyond" } th.number { "not finite" } th.number { "frames wrong" } th { "Worst" } th { "Rows" }
+                } }
+                tbody { @for report in &self.reports { @if let Some(found) = &report.validation {
+                    @for (i, overview) in [&found.shown].into_iter().chain(&found.passes).enumerate() { tr {
+                        @if i == 0 {
+                            th scope="rowgroup" rowspan=(1 + found.passes.len()) { (parts::recipe(&report.series)) }
+                        }
+                        td { @if i == 0 { "frames" } @else { (overview.name) }
+                            @if i == 0 && found.frame_bounds.is_none() { " " span.muted { "measured" } } }
+                        td { span.status.(if overview.agrees { "done" } else { "failed" }) { (if overview.agrees { "agrees" } else { "disagrees" }) } }
+                        td.number { (format!("{:.1e}", overview.max)) }
+                        td.number { (format!("{:.1e}", overview.mean)) }
+                        td.number { (overview.n_beyond) }
+                        td.number { (overview.non_finite_gpu + overview.non_finite_twin) }
+                        td.number { (overview.n_disagreeing_frames) }
+                        td { @if let Some((worst, frame)) = overview.worst.as_ref().zip(overview.worst_frame) {
+                            "frame " (frame) ", " code { (worst.image) } " (" (worst.pixel[0]) ", " (worst.pixel[1]) ")"
+                        } }
+                        @if i == 0 {
+                            td rowspan=(1 + found.passes.len()) { a href={ "/api/v1/reports/" (report.id) "/validation" } { "JSON" } }
+                        }
+                    } }
+                } } }
+            } }
+            p.muted { "Against the twin on the CPU in f64, in shares of the display's range. Each pass is given the inputs that the GPU's had; frames are what is shown, with the errors of all frames before. Beyond: pixels that a decision made differently." }
         }
     }
 

@@ -470,3 +470,39 @@ fn a_killed_service_takes_its_job_up_again() {
     assert_eq!((&job["status"], &job["attempts"]), (&json!("done"), &json!(2)), "{job}");
     assert_eq!(job["reports"].as_array().unwrap().len(), 5);
 }
+
+#[test]
+fn a_job_can_validate_its_adapter() {
+    let service = TestService::with_gpu();
+    let client = service.client();
+    assert_eq!(client.put("pan", &packed("pan")).status, 201);
+    let job = json!({"sequence": "pan", "presets": ["inside"], "frames": 3, "history": "f32", "validate": true});
+    let id = client.start_job(&job);
+    client.wait_for(id, &["done"]);
+    let job = client.get(&format!("/jobs/{id}")).json();
+    assert_eq!((&job["n_done"], &job["spec"]["validate"]), (&json!(6), &json!("yes")));
+    let found = &job["reports"][0]["validation"];
+    assert_eq!(found["agrees"], true, "{found}");
+    assert_eq!(found["passes"][1]["name"], "resolve");
+    assert!(found.get("frames").is_none(), "the list of a job stays short");
+    let report = job["reports"][0]["id"].as_i64().unwrap();
+    let full = client.get(&format!("/reports/{report}/validation")).json();
+    assert_eq!(full["frames"].as_array().unwrap().len(), 3);
+    assert_eq!(full["frames"][2]["passes"][1]["pass"], "resolve");
+    assert_eq!(full["passes"], found["passes"]);
+    let page = ureq::get(service.url(&format!("/jobs/{id}")))
+        .call()
+        .unwrap()
+        .body_mut()
+        .read_to_string();
+    let page = page.unwrap();
+    assert!(page.contains("Validation") && page.contains("agrees"), "{page}");
+
+    let plain = client.start_job(&json!({"sequence": "pan", "presets": ["none"], "frames": 1}));
+    client.wait_for(plain, &["done"]);
+    let report = client.get(&format!("/jobs/{plain}")).json()["reports"][0].clone();
+    assert!(report["validation"].is_null());
+    let absent = client.get(&format!("/reports/{}/validation", report["id"]));
+    assert_eq!(absent.status, 404);
+    assert!(absent.text().contains("was not validated"), "{}", absent.text());
+}

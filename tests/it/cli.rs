@@ -247,3 +247,27 @@ fn every_command_shows_examples() {
         assert!(help.contains("Examples:"), "{command}");
     }
 }
+
+#[test]
+fn run_validates_the_adapter() {
+    let arguments = [
+        "run",
+        "fixtures/pan",
+        "--preset",
+        "ema,phlm2016",
+        "--frames",
+        "4",
+        "--history",
+        "f32",
+    ];
+    let shown = succeed(&[&arguments[..], &["--validate"]].concat());
+    for expected in ["ema: the adapter agrees with the twin", "still", "model", "max |Δ|"] {
+        assert!(shown.contains(expected), "{shown}");
+    }
+    assert!(!succeed(&arguments).contains("twin"));
+    let measured = succeed(&["run", "fixtures/pan", "--preset", "inside", "--frames", "2", "--bisect"]);
+    assert!(
+        measured.contains("frames (measured)") && measured.contains("--history f32"),
+        "{measured}"
+    );
+}

@@ -20,4 +20,5 @@ mod support;
 mod temporal;
 mod tidy;
 mod upsampling;
+mod validation;
 mod web;

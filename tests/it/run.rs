@@ -7,7 +7,7 @@ use afterimage::{
         files::{Backend, FileReader, Limits},
     },
     metrics::{Metric, Value},
-    run::{self, MetricsOn, Observer, PresetSpec, RunError, RunSpec, report::Report},
+    run::{self, MetricsOn, Observer, PresetSpec, RunError, RunSpec, Validate, report::Report},
     sequence::{Sequence, frame::Rgb},
     taa::Precision,
 };
@@ -35,6 +35,7 @@ pub fn spec(presets: &[&str]) -> RunSpec {
         n_frames: None,
         repeat: 1,
         metrics_on: MetricsOn::Cpu,
+        validate: Validate::No,
     }
 }
 
@@ -280,4 +281,41 @@ fn scores(name: &str, expected: &[Published]) {
         assert!((found_psnr - psnr).abs() < 1e-3, "{name} {preset}: {found_psnr} dB");
         assert!((found_ssim - ssim).abs() < 1e-4, "{name} {preset}: SSIM {found_ssim}");
     }
+}
+
+/// Validation is part of the report, takes its share of the progress, and a report with a disagreement says no.
+#[test]
+fn a_run_can_be_validated() {
+    let sequence = sequence("fixtures/pan");
+    let wanted = RunSpec {
+        validate: Validate::Bisect,
+        n_frames: Some(6),
+        metrics: Vec::new(),
+        history: Precision::F32,
+        ..spec(&["ema", "uncharted4"])
+    };
+    let count = Count::new(usize::MAX);
+    let mut report = run::execute(&wanted, &sequence, gpu(), &count).unwrap();
+    assert_eq!(count.n_done.load(Ordering::Relaxed), 2 * 2 * 6);
+    assert!(report.agrees());
+    let names: Vec<_> = report
+        .reports
+        .iter()
+        .map(|preset| {
+            let found = preset.validation.as_ref().unwrap();
+            assert!(
+                found.agrees && found.bisection.is_none() && found.frames.len() == 6,
+                "{found:?}"
+            );
+            found.passes.iter().map(|pass| pass.name.clone()).collect::<Vec<_>>()
+        })
+        .collect();
+    assert_eq!(
+        names,
+        [vec!["prepare", "resolve"], vec!["prepare", "resolve", "sharpen"]]
+    );
+    report.reports[1].validation.as_mut().unwrap().agrees = false;
+    assert!(!report.agrees() && report.is_finite());
+    let cancelled = run::execute(&wanted, &sequence, gpu(), &Count::new(14));
+    assert!(matches!(cancelled, Err(RunError::Cancelled)), "{cancelled:?}");
 }

@@ -4,7 +4,7 @@ use afterimage::{
     image::Extent,
     metrics::{Metric, Summary, Value},
     run::{
-        MetricsOn, PresetSpec, RunSpec,
+        MetricsOn, PresetSpec, RunSpec, Validate,
         report::{AdapterInfo, FrameReport, PresetReport, Report, SequenceInfo, TimeSummary},
     },
     store::{
@@ -63,6 +63,7 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
                 n_frames: None,
                 repeat: 1,
                 metrics_on: MetricsOn::Auto,
+                validate: Validate::No,
             },
             images: Images::Half,
         },
@@ -96,6 +97,7 @@ fn report(presets: &[&str], psnr: &[f64]) -> Report {
         preset: (*id).to_owned(),
         parameters: serde_json::json!({"current_weight": 0.1}),
         notes: vec!["the input is jittered".to_owned()],
+        validation: None,
         frames: psnr.iter().enumerate().map(|(i, &x)| frame(i, x)).collect(),
         summary: BTreeMap::from([(
             "psnr".to_owned(),

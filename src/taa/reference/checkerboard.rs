@@ -1,7 +1,7 @@
 //! The pixels that a frame did not shade: the twin of `shaders/taa/checkerboard`, after Yang et al. 2020, section 5.3.
 
 use super::{
-    Outcome, Pixels, Previous,
+    Pixels,
     color::{Color, F16_MAX},
     neighbourhood::minmax,
     real::Real,
@@ -14,29 +14,17 @@ const VERTICAL: [[i64; 2]; 2] = [[0, -1], [0, 1]];
 const SIDES: [[i64; 2]; 4] = [[0, -1], [-1, 0], [1, 0], [0, 1]];
 
 impl<R: Real> Pixels<'_, R> {
-    /// The algorithm on the whole frame.
-    pub fn checkerboard(&self) -> Outcome<R> {
+    /// The algorithm on the whole frame; in the working domain, not rounded.
+    pub fn checkerboard(&self) -> Image<Color<R>> {
         let parity = self.frame.parity.expect("validated: the recipe fills a checkerboard");
-        let extent = self.color.extent();
-        let resolved = Image::from_fn(extent, |x, y| {
+        Image::from_fn(self.color.extent(), |x, y| {
             let color = if (x + y) % 2 == parity {
                 self.color.at(x, y)
             } else {
                 self.filled([x.into(), y.into()])
             };
             color.min(Color::splat(F16_MAX))
-        });
-        Outcome {
-            shown: resolved.clone(),
-            left: Previous {
-                history: resolved,
-                n_samples: Image::filled(extent, R::new(1.0)),
-                edges: None,
-                models: None,
-                depth: self.frame.depth.clone(),
-                object_id: self.frame.object_id.clone(),
-            },
-        }
+        })
     }
 
     /// A pixel that was not shaded.
@@ -55,7 +43,7 @@ impl<R: Real> Pixels<'_, R> {
             Some((at, previous)) => {
                 let colors = sides.iter().filter_map(|side| self.shaded(p, *side));
                 let bounds = minmax(colors.map(|color| color.to_space(self.recipe.space)));
-                self.rectified(p, self.filtered(&previous.history, at.q), interpolated, &bounds)
+                self.rectified(p, self.filtered(previous.history(), at.q), interpolated, &bounds)
             }
         }
     }

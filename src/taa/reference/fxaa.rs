@@ -18,7 +18,7 @@ const CONTRAST_MIN: f64 = 0.0833;
 const STEPS: [f64; 12] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 2.0, 4.0, 8.0];
 
 /// The whole image.
-pub fn antialiased<R: Real>(color: &Image<Color<R>>, light: Light) -> Image<Color<R>> {
+pub(super) fn antialiased<R: Real>(color: &Image<Color<R>>, light: Light) -> Image<Color<R>> {
     let luma = edge_lumas(color);
     Image::from_fn(color.extent(), |x, y| {
         let p = [i64::from(x), i64::from(y)];

@@ -1,5 +1,8 @@
 //! The CPU twin: every recipe, written for clarity in the order of the pipeline, generic over f32 and f64. In f64 it is
 //! the measure that the GPU's numbers are held against; it shares no code with the GPU's path but the recipe.
+//!
+//! It runs the passes that the GPU runs, and what each of them writes can be taken out, compared, and replaced
+//! (`stages`): that is how a pass is found that an adapter gets wrong.
 
 mod checkerboard;
 pub mod color;
@@ -9,6 +12,7 @@ mod hull;
 mod neighbourhood;
 mod output;
 mod phlm2016;
+mod planes;
 pub mod real;
 mod rectify;
 mod reproject;
@@ -16,12 +20,13 @@ mod sampling;
 mod smaa;
 mod sobel2018;
 mod spatial;
+mod stages;
 mod upsample;
 mod weight;
 
 use super::{
-    Precision, Recipe, Source,
-    recipe::{Algorithm, HdrWeight, HistoryFilter, InputFilter, Rectify},
+    Precision, Recipe,
+    recipe::{HdrWeight, HistoryFilter, InputFilter, Rectify},
 };
 use crate::{
     image::Image,
@@ -29,32 +34,39 @@ use crate::{
 };
 use color::{Color, F16_MAX};
 use neighbourhood::ColorBox;
+use planes::{Left, Planes, made};
+pub use planes::{Plane, Scale};
 use real::Real;
 use reproject::Reprojected;
 use sampling::{bilinear, containing};
+use std::mem;
 use weight::Blended;
 
-/// One recipe with its history.
+/// One recipe with its history, pass by pass as the GPU has it.
 #[derive(Clone, Debug)]
 pub struct Twin<R> {
     recipe: Recipe,
     precision: Precision,
+    /// What the passes of the current frame have written.
+    planes: Planes<R>,
+    /// What the current frame leaves to be read as it is.
+    images: Images,
+    /// None in the first frame and after a reset.
     previous: Option<Previous<R>>,
 }
 
-/// What a frame leaves to the next.
-#[derive(Clone, Debug)]
-struct Previous<R> {
-    /// The resolved image; for `phlm2016` its feature.
-    history: Image<Color<R>>,
-    /// How many samples each pixel of history holds.
-    n_samples: Image<R>,
-    /// Where the recipe finds edges.
-    edges: Option<sobel2018::Scalars<R>>,
-    /// Where the recipe fits them.
-    models: Option<Image<phlm2016::Fitted<R>>>,
+/// What a frame's reprojection reads of the frame before.
+#[derive(Clone, Debug, Default)]
+struct Images {
     depth: Option<Image<f32>>,
     object_id: Option<Image<u32>>,
+}
+
+/// What a frame has of the one before.
+#[derive(Clone, Debug)]
+struct Previous<R> {
+    images: Images,
+    left: Left<R>,
 }
 
 /// What a recipe makes of one frame.
@@ -85,6 +97,8 @@ impl<R: Real> Twin<R> {
         Self {
             precision: recipe.precision(precision),
             recipe,
+            planes: Planes::default(),
+            images: Images::default(),
             previous: None,
         }
     }
@@ -94,61 +108,49 @@ impl<R: Real> Twin<R> {
     /// # Panics
     /// When the frame lacks a channel of [`Recipe::required_channels`] or the parity that the recipe needs, or [`Recipe::check_sizes`] refuses its sizes.
     pub fn resolve(&mut self, frame: &Frame) -> Resolved<R> {
-        let sizes = frame.sizes();
-        self.recipe.check_sizes(sizes).expect("validated with the sequence");
-        let source = match (self.recipe.source, &frame.unjittered_color) {
-            (Source::UnjitteredIfPresent, Some(unjittered)) => unjittered,
-            _ => &frame.color,
+        self.begin(frame);
+        for pass in self.passes() {
+            for plane in self.compute(pass, frame) {
+                self.keep(pass, &plane);
+            }
+        }
+        Resolved {
+            shown: made(&self.planes.shown).map(|color| color.0),
+            repaired_texels: self.planes.repaired_texels,
+        }
+    }
+
+    /// Begins the next frame: what was current becomes previous.
+    pub fn begin(&mut self, frame: &Frame) {
+        self.recipe
+            .check_sizes(frame.sizes())
+            .expect("validated with the sequence");
+        let left = mem::take(&mut self.planes).left;
+        let current = Images {
+            depth: frame.depth.clone(),
+            object_id: frame.object_id.clone(),
         };
-        let albedo = frame.albedo.as_ref().filter(|_| self.recipe.optional_channels().albedo);
-        let prepared = color::prepare(source, albedo, self.recipe.domain, &frame.display);
-        let color = spatial::antialiased(prepared.color, &self.recipe);
-        let previous = self.previous.take().filter(|_| frame.index > 0 && !frame.reset);
+        let images = mem::replace(&mut self.images, current);
+        let follows = frame.index > 0 && !frame.reset;
+        self.previous = follows.then_some(Previous { images, left });
+    }
+
+    /// What a pass after `prepare` can see.
+    fn pixels<'a>(&'a self, frame: &'a Frame) -> Pixels<'a, R> {
         let jitter_px = frame.jitter_px.map(R::new);
-        let pixels = Pixels {
+        let sizes = frame.sizes();
+        Pixels {
             recipe: &self.recipe,
             frame,
             sizes,
             scale: sizes.scale().map(R::new),
             jitter_px,
             input_weights: blackman_harris(jitter_px),
-            color: &color,
-            previous: previous.as_ref(),
-            compensated: None,
-            differences: None,
-            stable_edges: None,
-        };
-        let resolved = match self.recipe.algorithm {
-            Algorithm::Temporal => pixels.temporal(&prepared.unlit_luma),
-            Algorithm::Phlm2016 => pixels.phlm(),
-            Algorithm::Checkerboard => pixels.checkerboard(),
-        };
-        let shown = resolved
-            .shown
-            .map(|color| color.from_domain(self.recipe.domain, &frame.display).0);
-        let mut left = resolved.left;
-        if self.precision == Precision::F16 {
-            left.history = rounded(&left.history);
-            left.edges = left.edges.as_ref().map(rounded);
-        }
-        self.previous = Some(left);
-        Resolved {
-            shown,
-            repaired_texels: prepared.repaired_texels,
+            color: self.planes.antialiased.as_ref().unwrap_or(made(&self.planes.color)),
+            planes: &self.planes,
+            previous: self.previous.as_ref(),
         }
     }
-}
-
-fn rounded<R: Real>(image: &Image<Color<R>>) -> Image<Color<R>> {
-    image.map(|c| c.map(R::round_to_f16))
-}
-
-/// What an algorithm makes of a frame.
-struct Outcome<R> {
-    /// In the working domain.
-    shown: Image<Color<R>>,
-    /// Not rounded yet.
-    left: Previous<R>,
 }
 
 /// What one pixel's resolve can see.
@@ -162,45 +164,18 @@ struct Pixels<'a, R> {
     /// Weights of the 3×3 input filter, in the order of [`RING`].
     input_weights: [R; 9],
     color: &'a Image<Color<R>>,
+    planes: &'a Planes<R>,
     /// None in the first frame and after a reset.
     previous: Option<&'a Previous<R>>,
-    /// History as the filter `bfecc` samples it.
-    compensated: Option<Image<Color<R>>>,
-    /// History less current colour, where the weight needs it.
-    differences: Option<Image<Color<R>>>,
-    /// Where the box needs it.
-    stable_edges: Option<sobel2018::Scalars<R>>,
+}
+
+impl<R: Real> Previous<R> {
+    fn history(&self) -> &Image<Color<R>> {
+        made(&self.left.history)
+    }
 }
 
 impl<R: Real> Pixels<'_, R> {
-    /// The temporal algorithm on the whole frame.
-    fn temporal(mut self, unlit_luma: &Image<R>) -> Outcome<R> {
-        let extent = self.frame.extent();
-        if self.recipe.finds_edges() {
-            self.stable_edges = Some(self.stabilised(&self.edges(unlit_luma)));
-        }
-        if let (HistoryFilter::Bfecc, Some(previous)) = (self.recipe.history_filter, self.previous) {
-            self.compensated = Some(self.compensated(&previous.history));
-        }
-        if self.recipe.finds_differences() {
-            self.differences = Some(Image::from_fn(extent, |x, y| self.difference([x.into(), y.into()])));
-        }
-        let output = self.sizes.output;
-        let sampled = Image::from_fn(output, |x, y| self.resolve([x.into(), y.into()]));
-        let history = sampled.map(|(color, _)| color);
-        Outcome {
-            shown: Image::from_fn(output, |x, y| self.output([x.into(), y.into()], &history)),
-            left: Previous {
-                history,
-                n_samples: sampled.map(|(_, n)| n),
-                edges: self.stable_edges,
-                models: None,
-                depth: self.frame.depth.clone(),
-                object_id: self.frame.object_id.clone(),
-            },
-        }
-    }
-
     /// The next history at `p`, unrounded, and how many samples it holds.
     fn resolve(&self, p: [i64; 2]) -> (Color<R>, R) {
         let reprojected = match (self.recipe.history_filter, self.previous) {
@@ -212,8 +187,12 @@ impl<R: Real> Pixels<'_, R> {
             None => (current, R::new(1.0)),
             Some((at, previous)) => {
                 let [x, y] = containing(at.q);
-                let n_samples = previous.n_samples.clamped(x, y) + R::new(1.0);
-                (self.accumulate(p, at, &previous.history, n_samples, current), n_samples)
+                let counted = previous.left.n_samples.as_ref();
+                let n_samples = counted.map_or(R::new(0.0), |counted| counted.clamped(x, y)) + R::new(1.0);
+                (
+                    self.accumulate(p, at, previous.history(), n_samples, current),
+                    n_samples,
+                )
             }
         };
         (resolved.min(Color::splat(F16_MAX)), n_samples)

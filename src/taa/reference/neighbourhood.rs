@@ -1,7 +1,13 @@
 //! The colour box around a pixel: the twin of `shaders/taa/temporal/neighbourhood.wgsl`.
 
-use super::{Pixels, RING, color::Color, real::Real, sampling::bilinear};
-use crate::taa::recipe::Neighbourhood;
+use super::{
+    Pixels, RING,
+    color::Color,
+    planes::{Moments, made},
+    real::Real,
+    sampling::bilinear,
+};
+use crate::{image::Image, taa::recipe::Neighbourhood};
 
 /// The range that history may lie in, and the mean, in the recipe's colour space.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +47,12 @@ impl<R: Real> Pixels<'_, R> {
             Neighbourhood::Box3 => box3(),
             Neighbourhood::Rounded => cross().average(box3()),
             Neighbourhood::Variance => {
-                let texels = window(recipe.variance_window).map(texel);
-                let bounds = variance(texel([0, 0]), texels, R::new(recipe.variance_gamma));
+                let bounds = if recipe.prefilter_moments {
+                    self.prefiltered(under)
+                } else {
+                    distribution(texel([0, 0]), window(recipe.variance_window).map(texel))
+                };
+                let bounds = bounds.bounds(R::new(recipe.variance_gamma));
                 if recipe.intersect_minmax {
                     bounds.intersect(box3())
                 } else {
@@ -77,9 +87,15 @@ pub fn minmax<R: Real>(mut texels: impl Iterator<Item = Color<R>>) -> ColorBox<R
     ColorBox { lo, hi, mean }
 }
 
-/// Mean ± γ σ. Moments are taken about `centre`: `m2/N - μ²` cancels where the texels are bright and alike.
-fn variance<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>>, gamma: R) -> ColorBox<R> {
-    let square = |c: Color<R>| c.zip(c, |a, b| a * b);
+/// Mean and variance of some texels.
+#[derive(Clone, Copy)]
+struct Distribution<R> {
+    mean: Color<R>,
+    variance: Color<R>,
+}
+
+/// Moments are taken about `centre`: `m2/N - μ²` cancels where the texels are bright and alike.
+fn distribution<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>>) -> Distribution<R> {
     let (mut m1, mut m2, mut n) = (Color::default(), Color::default(), 0);
     for texel in texels {
         let d = texel - centre;
@@ -87,12 +103,69 @@ fn variance<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>>, g
     }
     let per_texel = R::new(1.0 / f64::from(n));
     let offset = m1 * per_texel;
-    let sigma = (m2 * per_texel - square(offset)).map(|v| v.max(R::new(0.0)).sqrt());
-    let mean = centre + offset;
-    ColorBox {
-        lo: mean - sigma * gamma,
-        hi: mean + sigma * gamma,
-        mean,
+    Distribution {
+        mean: centre + offset,
+        variance: (m2 * per_texel - square(offset)).max(Color::splat(0.0)),
+    }
+}
+
+fn square<R: Real>(c: Color<R>) -> Color<R> {
+    c.zip(c, |a, b| a * b)
+}
+
+impl<R: Real> Distribution<R> {
+    /// Mean ± γ σ.
+    fn bounds(self, gamma: R) -> ColorBox<R> {
+        let sigma = self.variance.map(R::sqrt);
+        ColorBox {
+            lo: self.mean - sigma * gamma,
+            hi: self.mean + sigma * gamma,
+            mean: self.mean,
+        }
+    }
+}
+
+/// Mean and variance in two passes whose cost does not grow with the window.
+impl<R: Real> Pixels<'_, R> {
+    /// Of the texels in each pixel's row of the window.
+    pub fn row_moments(&self) -> Moments<R> {
+        let radius = i64::from(self.recipe.variance_window / 2);
+        self.moments(|[x, y]| {
+            let texel = |i| self.color.clamped(x + i, y).to_space(self.recipe.space);
+            distribution(texel(0), (-radius..=radius).map(texel))
+        })
+    }
+
+    /// Of the whole window: the rows' means have a variance, which adds to the mean of the rows' own.
+    pub fn window_moments(&self) -> Moments<R> {
+        let radius = i64::from(self.recipe.variance_window / 2);
+        let [means, variances] = [&self.planes.row_moments.means, &self.planes.row_moments.variances].map(made);
+        self.moments(|[x, y]| {
+            let mean = |j| means.clamped(x, y + j);
+            let of_means = distribution(mean(0), (-radius..=radius).map(mean));
+            let variances = (-radius..=radius).map(|j| variances.clamped(x, y + j));
+            let sum = variances.fold(Color::default(), |sum, variance| sum + variance);
+            Distribution {
+                mean: of_means.mean,
+                variance: of_means.variance + sum * R::new(1.0 / f64::from(self.recipe.variance_window)),
+            }
+        })
+    }
+
+    fn moments(&self, at: impl Fn([i64; 2]) -> Distribution<R> + Sync) -> Moments<R> {
+        let both = Image::from_fn(self.color.extent(), |x, y| at([x.into(), y.into()]));
+        Moments {
+            means: Some(both.map(|distribution| distribution.mean)),
+            variances: Some(both.map(|distribution| distribution.variance)),
+        }
+    }
+
+    fn prefiltered(&self, [x, y]: [i64; 2]) -> Distribution<R> {
+        let Moments { means, variances } = &self.planes.window_moments;
+        Distribution {
+            mean: made(means).clamped(x, y),
+            variance: made(variances).clamped(x, y),
+        }
     }
 }
 
@@ -141,7 +214,7 @@ mod tests {
         let texels: Vec<_> = (0..9)
             .map(|i| Color::<f32>::splat(1e4 + if i % 2 == 0 { 1e-3 } else { -1e-3 }))
             .collect();
-        let bounds = variance(texels[0], texels.iter().copied(), 1.0);
+        let bounds = distribution(texels[0], texels.iter().copied()).bounds(1.0);
         let extent = bounds.hi.0[0] - bounds.lo.0[0];
         assert!((1e-3..4e-3).contains(&extent), "{extent}");
     }

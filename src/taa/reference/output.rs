@@ -7,10 +7,12 @@ use crate::{
 };
 
 impl<R: Real> Pixels<'_, R> {
-    /// What is shown at `p` of a resolved image, and never fed back.
-    pub fn output(&self, p: [i64; 2], resolved: &Image<Color<R>>) -> Color<R> {
-        let sharpened = self.sharpened(p, resolved);
-        self.blurred(p, sharpened)
+    /// What is shown of a resolved image, and never fed back; in the working domain.
+    pub fn output(&self, resolved: &Image<Color<R>>) -> Image<Color<R>> {
+        Image::from_fn(resolved.extent(), |x, y| {
+            let p = [x.into(), y.into()];
+            self.blurred(p, self.sharpened(p, resolved))
+        })
     }
 
     fn sharpened(&self, [x, y]: [i64; 2], resolved: &Image<Color<R>>) -> Color<R> {

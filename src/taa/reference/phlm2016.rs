@@ -1,9 +1,10 @@
 //! Pixel history linear models: the twin of `shaders/taa/phlm2016`, after Iglesias-Guitian et al. 2016, algorithm 1.
 
 use super::{
-    Outcome, Pixels, Previous, RING,
+    Pixels, RING,
     color::{Color, F16_MAX},
     neighbourhood::{ColorBox, minmax},
+    planes::{Left, made},
     real::Real,
     rectify::clip_current,
     reproject::Reprojected,
@@ -16,20 +17,25 @@ const FORGETTING: f64 = 0.998;
 /// Variance of a coefficient about which nothing is known.
 const UNKNOWN: f64 = 1000.0;
 
-/// What a pixel carries to the next frame beside its feature.
-#[derive(Clone, Copy, Debug)]
-pub struct Fitted<R> {
-    model: Model<R>,
-    /// In the working domain.
-    shown: Color<R>,
-}
-
 /// A linear model from `(1, feature)` to a colour.
 #[derive(Clone, Copy, Debug)]
 struct Model<R> {
     /// One colour for each element of the vector.
     coefficients: [Color<R>; 4],
-    covariance: [[R; 4]; 4],
+    covariance: Covariance<R>,
+}
+
+/// Symmetric: of four coefficients.
+pub type Covariance<R> = [[R; 4]; 4];
+
+/// What a frame makes of a pixel.
+#[derive(Clone, Copy)]
+struct Fitted<R> {
+    feature: Color<R>,
+    model: Model<R>,
+    /// In the working domain, and of how many samples it is the mean.
+    shown: Color<R>,
+    n_samples: R,
 }
 
 impl<R: Real> Model<R> {
@@ -44,11 +50,12 @@ impl<R: Real> Model<R> {
     }
 
     /// Coefficients interpolated at `q`, the covariance of the texel that contains it.
-    fn at(models: &Image<Fitted<R>>, q: Position<R>) -> Self {
+    fn at(left: &Left<R>, q: Position<R>) -> Self {
         let [x, y] = containing(q);
+        let coefficients = made(&left.coefficients);
         Self {
-            coefficients: bilinear_of(q, |x, y| Coefficients(models.clamped(x, y).model.coefficients)).0,
-            covariance: models.clamped(x, y).model.covariance,
+            coefficients: bilinear_of(q, |x, y| Coefficients(coefficients.clamped(x, y))).0,
+            covariance: made(&left.covariances).clamped(x, y),
         }
     }
 
@@ -96,50 +103,47 @@ fn dot<R: Real>(a: [R; 4], b: [R; 4]) -> R {
 }
 
 impl<R: Real> Pixels<'_, R> {
-    /// The algorithm on the whole frame.
-    pub fn phlm(&self) -> Outcome<R> {
-        let still = self.previous.filter(|_| self.nothing_moves());
+    /// The algorithm on the whole frame; shows nothing yet.
+    pub fn phlm(&self) -> Left<R> {
+        let still = self.previous.filter(|_| !self.planes.moves);
         let fitted = Image::from_fn(self.color.extent(), |x, y| {
-            let p = [i64::from(x), i64::from(y)];
-            let (feature, mut fitted) = self.fitted(p);
-            let mut n_samples = R::new(1.0);
+            let fitted = self.fitted([x.into(), y.into()]);
+            let Some(previous) = still else {
+                return fitted;
+            };
             // Without motion what is shown is the plain mean, the last image in motion its first sample.
-            if let Some((n_before, before)) =
-                still.and_then(|still| Some((still.n_samples.at(x, y), still.models.as_ref()?)))
-            {
-                n_samples = n_before + R::new(1.0);
-                let mean = before.at(x, y).shown;
-                fitted.shown = Color::mix(mean, self.current(p, true), R::new(1.0) / n_samples);
+            let (mean, n_before) = made(&previous.left.mean).at(x, y);
+            let n_samples = n_before + R::new(1.0);
+            let current = self.current([x.into(), y.into()], true);
+            Fitted {
+                shown: Color::mix(mean, current, R::new(1.0) / n_samples),
+                n_samples,
+                ..fitted
             }
-            (feature, fitted, n_samples)
         });
-        Outcome {
-            shown: fitted.map(|(_, fitted, _)| fitted.shown),
-            left: Previous {
-                history: fitted.map(|(feature, ..)| feature),
-                n_samples: fitted.map(|(.., n_samples)| n_samples),
-                edges: None,
-                models: Some(fitted.map(|(_, fitted, _)| fitted)),
-                depth: self.frame.depth.clone(),
-                object_id: self.frame.object_id.clone(),
-            },
+        Left {
+            history: Some(fitted.map(|fitted| fitted.feature)),
+            coefficients: Some(fitted.map(|fitted| fitted.model.coefficients)),
+            covariances: Some(fitted.map(|fitted| fitted.model.covariance)),
+            mean: Some(fitted.map(|fitted| (fitted.shown, fitted.n_samples))),
+            ..Left::default()
         }
     }
 
-    fn nothing_moves(&self) -> bool {
+    /// Whether no texel moves, and no vector is unusable.
+    pub fn nothing_moves(&self) -> bool {
         let extent = self.color.extent();
         let mut texels = (0..extent.height).flat_map(|y| (0..extent.width).map(move |x| [x, y].map(i64::from)));
         texels.all(|[x, y]| self.motion_at(x, y).is_some_and(|motion| motion.px == [R::new(0.0); 2]))
     }
 
     /// The pixel's feature, its model after this frame, and what that predicts.
-    fn fitted(&self, p: [i64; 2]) -> (Color<R>, Fitted<R>) {
+    fn fitted(&self, p: [i64; 2]) -> Fitted<R> {
         let y = self.current(p, true);
         let texels = self.ring(p);
         let bounds = minmax(texels.into_iter());
-        let models = self.previous.and_then(|previous| previous.models.as_ref());
-        let (feature, mut model) = match (self.reproject(p), models) {
-            (Some(at), Some(models)) => (self.feature(&at, texels, &bounds), Model::at(models, at.q)),
+        let (feature, mut model) = match (self.reproject(p), self.previous) {
+            (Some(at), Some(previous)) => (self.feature(&at, texels, &bounds), Model::at(&previous.left, at.q)),
             _ => (texels[0], Model::constant(y)),
         };
         let [z0, z1, z2] = feature.0;
@@ -150,14 +154,18 @@ impl<R: Real> Pixels<'_, R> {
             model = Model::constant(clip_current(predicted, y, &bounds));
         }
         model.update(x, y);
-        let shown = model.predict(x).clamp(Color::splat(0.0), Color::splat(F16_MAX));
-        (feature, Fitted { model, shown })
+        Fitted {
+            feature,
+            model,
+            shown: model.predict(x).clamp(Color::splat(0.0), Color::splat(F16_MAX)),
+            n_samples: R::new(1.0),
+        }
     }
 
     /// The feature's history, refreshed where its luma nears the end of the 3×3's range.
     fn feature(&self, at: &Reprojected<R>, texels: [Color<R>; 9], bounds: &ColorBox<R>) -> Color<R> {
         let c = R::new;
-        let features = &self.previous.expect("reprojected into it").history;
+        let features = self.previous.expect("reprojected into it").history();
         let history = bilinear(features, at.q).clamp(bounds.lo, bounds.hi);
         let lumas = texels.map(Color::luma);
         let (lo, hi) = (

@@ -54,7 +54,11 @@ impl<R: Real> Pixels<'_, R> {
     /// Whether one of the four previous depths around `q` is that of the surface at `texel`.
     fn depth_fits(&self, previous: &Previous<R>, texel: [i64; 2], q: Position<R>) -> bool {
         let expected = self.depth(texel[0], texel[1]);
-        let depth = previous.depth.as_ref().expect("validated: the recipe needs depth");
+        let depth = previous
+            .images
+            .depth
+            .as_ref()
+            .expect("validated: the recipe needs depth");
         let [x, y] = self
             .input_position(q)
             .map(|s| (s - R::new(0.5)).floor().to_f64() as i64);
@@ -68,7 +72,8 @@ impl<R: Real> Pixels<'_, R> {
         let ids = |frame: &Option<Image<u32>>, [x, y]: [i64; 2]| {
             frame.as_ref().expect("validated: the recipe needs ids").clamped(x, y)
         };
-        ids(&self.frame.object_id, self.input_texel(p)) == ids(&previous.object_id, containing(self.input_position(q)))
+        ids(&self.frame.object_id, self.input_texel(p))
+            == ids(&previous.images.object_id, containing(self.input_position(q)))
     }
 
     /// The dilated motion of the output pixel `p`; none where the vector chosen is unusable.

@@ -1,7 +1,7 @@
 //! Filters: the twin of `shaders/common/sampling.wgsl`. Positions are in pixels, texel centres at +0.5; a fetch outside
 //! the image takes the nearest edge texel.
 
-use super::{Pixels, color::Color, real::Real};
+use super::{Pixels, color::Color, planes::made, real::Real};
 use crate::{image::Image, taa::recipe::HistoryFilter};
 
 /// A position in pixels.
@@ -97,27 +97,38 @@ impl<R: Real> Pixels<'_, R> {
     /// The previous frame's `history` at `q`.
     pub fn filtered(&self, history: &Image<Color<R>>, q: Position<R>) -> Color<R> {
         let (filter, deringing) = (self.recipe.history_filter, self.recipe.deringing);
-        match &self.compensated {
-            None => filtered(history, q, filter, deringing),
-            Some(compensated) => without_lobes(bilinear(compensated, q), history, q, deringing),
+        if filter == HistoryFilter::Bfecc {
+            let compensated = made(&self.planes.compensated);
+            return without_lobes(bilinear(compensated, q), history, q, deringing);
         }
+        filtered(history, q, filter, deringing)
     }
 
-    /// `history` and half of what sampling it forth and back loses.
-    pub fn compensated(&self, history: &Image<Color<R>>) -> Image<Color<R>> {
-        let extent = history.extent();
-        let carried = |image: &Image<Color<R>>, x: u32, y: u32, sign: f64| {
-            let p = [i64::from(x), i64::from(y)];
-            let motion = if self.recipe.reproject { self.motion(p) } else { None };
-            let motion = motion.unwrap_or_default().px;
-            let at = std::array::from_fn(|axis| R::new(p[axis] as f64 + 0.5) + R::new(sign) * motion[axis]);
-            bilinear(image, at)
-        };
-        let advected = Image::from_fn(extent, |x, y| carried(history, x, y, 1.0));
-        Image::from_fn(extent, |x, y| {
+    /// History carried along the motion; none where it is absent as a whole.
+    pub fn advected(&self) -> Option<Image<Color<R>>> {
+        let history = self.previous?.history();
+        Some(Image::from_fn(history.extent(), |x, y| {
+            self.carried(history, [x, y], 1.0)
+        }))
+    }
+
+    /// History and half of what sampling it forth and back loses.
+    pub fn compensated(&self) -> Option<Image<Color<R>>> {
+        let history = self.previous?.history();
+        let advected = made(&self.planes.advected);
+        Some(Image::from_fn(history.extent(), |x, y| {
             let h = history.at(x, y);
-            h + (h - carried(&advected, x, y, -1.0)) * R::new(0.5)
-        })
+            h + (h - self.carried(advected, [x, y], -1.0)) * R::new(0.5)
+        }))
+    }
+
+    /// An image where the pixel's motion leads, `sign` times; in place where that is unusable.
+    fn carried(&self, image: &Image<Color<R>>, p: [u32; 2], sign: f64) -> Color<R> {
+        let p = p.map(i64::from);
+        let motion = if self.recipe.reproject { self.motion(p) } else { None };
+        let motion = motion.unwrap_or_default().px;
+        let at = std::array::from_fn(|axis| R::new(p[axis] as f64 + 0.5) + R::new(sign) * motion[axis]);
+        bilinear(image, at)
     }
 }
 

@@ -18,15 +18,21 @@ const LOCAL_CONTRAST: f64 = 2.0;
 /// How much less corners are rounded, 0 to 1.
 const CORNER_ROUNDING: f64 = 0.25;
 
-/// The whole image.
-pub fn antialiased<R: Real>(color: &Image<Color<R>>, light: Light) -> Image<Color<R>> {
-    let edges = Edges(Image::from_fn(color.extent(), {
-        let luma = edge_lumas(color);
-        move |x, y| edges_at(&luma, [x.into(), y.into()])
-    }));
-    let weights = Image::from_fn(color.extent(), |x, y| edges.weights([x.into(), y.into()]));
+/// The first pass: where there are edges.
+pub fn edges<R: Real>(color: &Image<Color<R>>) -> Image<Sides> {
+    let luma = edge_lumas(color);
+    Image::from_fn(color.extent(), |x, y| edges_at(&luma, [x.into(), y.into()]))
+}
+
+/// The second: what each pixel takes of its neighbours.
+pub fn weights<R: Real>(edges: &Image<Sides>) -> Image<Weights<R>> {
+    Image::from_fn(edges.extent(), |x, y| Edges(edges).weights([x.into(), y.into()]))
+}
+
+/// The third.
+pub fn blend<R: Real>(color: &Image<Color<R>>, weights: &Image<Weights<R>>, light: Light) -> Image<Color<R>> {
     Image::from_fn(color.extent(), |x, y| {
-        blended(color, &weights, [x.into(), y.into()], light)
+        blended(color, weights, [x.into(), y.into()], light)
     })
 }
 
@@ -38,9 +44,24 @@ fn plus([x, y]: Position, [i, j]: Position) -> Position {
 
 /// The edges at a pixel's left and at its top.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Sides {
+pub struct Sides {
     left: bool,
     top: bool,
+}
+
+impl Sides {
+    /// As the GPU keeps them.
+    pub fn bits(self) -> u64 {
+        u64::from(self.left) | u64::from(self.top) << 1
+    }
+
+    /// From [`Sides::bits`].
+    pub fn from_bits(bits: u64) -> Self {
+        Self {
+            left: bits & 1 != 0,
+            top: bits & 2 != 0,
+        }
+    }
 }
 
 fn edges_at<R: Real>(luma: &Image<R>, [x, y]: Position) -> Sides {
@@ -72,11 +93,11 @@ enum Axis {
 }
 
 /// The shares of a pixel and of its neighbour across its top edge that each takes of the other; then across its left edge.
-type Weights<R> = [[R; 2]; 2];
+pub type Weights<R> = [[R; 2]; 2];
 
-struct Edges(Image<Sides>);
+struct Edges<'a>(&'a Image<Sides>);
 
-impl Edges {
+impl Edges<'_> {
     fn left(&self, [x, y]: Position) -> bool {
         self.0.clamped(x, y).left
     }

@@ -4,6 +4,7 @@ use super::{
     Pixels, RING,
     color::Color,
     neighbourhood::{ColorBox, RINGS, minmax},
+    planes::made,
     real::{Real, mix},
     reproject::depth_or_sky,
     sampling::{bilinear, containing},
@@ -15,7 +16,8 @@ pub type Scalars<R> = Image<Color<R>>;
 
 impl<R: Real> Pixels<'_, R> {
     /// How strong the edge through each pixel of this frame is, 0 to 1.
-    pub fn edges(&self, unlit_luma: &Image<R>) -> Scalars<R> {
+    pub fn edges(&self) -> Scalars<R> {
+        let unlit_luma = made(&self.planes.unlit_luma);
         let features = |x: i64, y: i64| {
             let lit = self.color.clamped(x, y).luma();
             Color([lit, unlit_luma.clamped(x, y), self.relative_depth(self.depth(x, y))])
@@ -32,8 +34,9 @@ impl<R: Real> Pixels<'_, R> {
     }
 
     /// The edges through a temporal resolve of their own.
-    pub fn stabilised(&self, edges: &Scalars<R>) -> Scalars<R> {
-        let history = self.previous.and_then(|previous| previous.edges.as_ref());
+    pub fn stabilised(&self) -> Scalars<R> {
+        let edges = made(&self.planes.edges);
+        let history = self.previous.and_then(|previous| previous.left.edge_history.as_ref());
         Image::from_fn(edges.extent(), |x, y| {
             let p = [i64::from(x), i64::from(y)];
             let current = bilinear(edges, self.unjittered(p[0], p[1]));
@@ -60,7 +63,7 @@ impl<R: Real> Pixels<'_, R> {
 
     /// From edges, other objects and depths that stand out, 0 to 1.
     fn aliased(&self, [x, y]: [i64; 2]) -> R {
-        let edges = self.stable_edges.as_ref().expect("made for this box");
+        let edges = made(&self.planes.stable_edges);
         let mean = |ring: &[[i64; 2]]| {
             let sum = ring
                 .iter()
@@ -102,6 +105,7 @@ impl<R: Real> Pixels<'_, R> {
         let [x, y] = containing(at.q);
         let depth = self
             .previous?
+            .images
             .depth
             .as_ref()
             .expect("validated: the recipe needs depth");

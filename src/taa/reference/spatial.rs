@@ -3,29 +3,12 @@
 use super::{
     color::Color,
     display::{srgb_decode, srgb_encode},
-    fxaa,
     real::Real,
-    smaa,
 };
 use crate::{
     image::Image,
-    taa::{
-        Recipe,
-        recipe::{Domain, Spatial},
-    },
+    taa::{Recipe, recipe::Domain},
 };
-
-/// The colour that the recipe's other blocks see.
-pub fn antialiased<R: Real>(color: Image<Color<R>>, recipe: &Recipe) -> Image<Color<R>> {
-    let light = Light {
-        is_encoded: recipe.spatial_decodes && recipe.domain == Domain::Display,
-    };
-    match recipe.spatial {
-        Spatial::None => color,
-        Spatial::Fxaa => fxaa::antialiased(&color, light),
-        Spatial::Smaa => smaa::antialiased(&color, light),
-    }
-}
 
 /// Lumas in steps of 2⁻¹⁶: their sums and differences are exact in f32 and in f64, and so the same decisions follow.
 pub fn edge_lumas<R: Real>(color: &Image<Color<R>>) -> Image<R> {
@@ -40,6 +23,13 @@ pub struct Light {
 }
 
 impl Light {
+    /// As the recipe wants it.
+    pub fn of(recipe: &Recipe) -> Self {
+        Self {
+            is_encoded: recipe.spatial_decodes && recipe.domain == Domain::Display,
+        }
+    }
+
     /// Ready to be mixed.
     pub fn decoded<R: Real>(self, c: Color<R>) -> Color<R> {
         if self.is_encoded { c.map(srgb_decode) } else { c }

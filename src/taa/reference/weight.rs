@@ -4,10 +4,11 @@ use super::{
     Pixels,
     color::Color,
     neighbourhood::ColorBox,
+    planes::made,
     real::{Real, mix},
-    reproject::Motion,
+    reproject::{Motion, Reprojected},
 };
-use crate::taa::recipe::Weight;
+use crate::{image::Image, taa::recipe::Weight};
 
 /// What is blended, and what it was before.
 pub struct Blended<'a, R> {
@@ -70,12 +71,8 @@ impl<R: Real> Pixels<'_, R> {
     /// motion makes bilinear resampling blur.
     fn amortized(&self, [x, y]: [i64; 2], motion: Motion<R>, n_samples: R) -> R {
         let c = R::new;
-        let differences = self.differences.as_ref().expect("made for this weight");
-        let mut sum = Color::default();
-        for (i, j) in (-3..=3).flat_map(|j| (-3..=3).map(move |i| (i, j))) {
-            sum = sum + differences.clamped(x + i, y + j);
-        }
-        let difference = (sum * c(1.0 / 49.0)).map(R::abs).max3();
+        let rows = made(&self.planes.difference_rows);
+        let difference = mean_of_7(|j| rows.clamped(x, y + j)).map(R::abs).max3();
         let changed = (c(1.0) - c(0.05) / difference.max(c(1e-6))).saturate();
         let fractions = motion.px.map(|m| m - m.floor());
         let [vx, vy] = fractions.map(|f| f * (c(1.0) - f));
@@ -83,12 +80,22 @@ impl<R: Real> Pixels<'_, R> {
         (c(1.0) / n_samples).max(changed).max(blur / (blur + c(0.5)))
     }
 
-    /// History less the current colour; 0 where history is absent.
-    pub fn difference(&self, p: [i64; 2]) -> Color<R> {
-        let (Some(at), Some(previous)) = (self.reproject(p), self.previous) else {
-            return Color::default();
+    /// History less the current colour, 0 where a pixel has none; nothing where it is absent as a whole.
+    pub fn difference(&self) -> Option<Image<Color<R>>> {
+        let history = self.previous?.history();
+        let at = |p: [i64; 2]| {
+            let reprojected = self.reproject(p);
+            let less_current = |at: Reprojected<R>| self.filtered(history, at.q) - self.color.clamped(p[0], p[1]);
+            reprojected.map_or(Color::default(), less_current)
         };
-        self.filtered(&previous.history, at.q) - self.color.clamped(p[0], p[1])
+        Some(Image::from_fn(self.color.extent(), |x, y| at([x.into(), y.into()])))
+    }
+
+    /// Its means over rows of 7.
+    pub fn difference_rows(&self) -> Option<Image<Color<R>>> {
+        let difference = self.planes.difference.as_ref()?;
+        let at = |[x, y]: [i64; 2]| mean_of_7(|i| difference.clamped(x + i, y));
+        Some(Image::from_fn(difference.extent(), |x, y| at([x.into(), y.into()])))
     }
 
     /// Within 0 to 1; what is not finite counts as 0.
@@ -102,4 +109,9 @@ impl<R: Real> Pixels<'_, R> {
         let value = mask.clamped(x, y);
         R::new(if value.is_finite() { f64::from(value) } else { 0.0 }).saturate()
     }
+}
+
+/// Of what lies 3 before to 3 behind.
+fn mean_of_7<R: Real>(at: impl Fn(i64) -> Color<R>) -> Color<R> {
+    (-3..=3).fold(Color::default(), |sum, i| sum + at(i)) * R::new(1.0 / 7.0)
 }

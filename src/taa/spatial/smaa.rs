@@ -57,20 +57,19 @@ impl Smaa {
             .bind_to(&self.find)
             .bind("next_edges", &self.edges)
             .over(gpu, extent)?;
-        recorder.record(&find);
+        recorder.record(&find)?;
         let weigh = view
             .bind_to(&self.weigh)
             .bind("smaa_edges", &self.edges)
             .bind("areas", &self.areas)
             .bind("next_weights", &self.weights)
             .over(gpu, extent)?;
-        recorder.record(&weigh);
+        recorder.record(&weigh)?;
         let blend = view
             .bind_to(&self.blend)
             .bind("weights", &self.weights)
             .bind("antialiased", antialiased)
             .over(gpu, extent)?;
-        recorder.record(&blend);
-        Ok(())
+        recorder.record(&blend)
     }
 }

@@ -56,7 +56,7 @@ impl Moments {
             .bind("means", &self.rows.means)
             .bind("variances", &self.rows.variances)
             .over(recorder.gpu, Extent::new(width.div_ceil(n), height))?;
-        recorder.record(&rows);
+        recorder.record(&rows)?;
         let columns = view
             .bind_to(&self.along_columns)
             .bind("row_means", &self.rows.means)
@@ -64,8 +64,7 @@ impl Moments {
             .bind("means", &self.windows.means)
             .bind("variances", &self.windows.variances)
             .over(recorder.gpu, Extent::new(width, height.div_ceil(n)))?;
-        recorder.record(&columns);
-        Ok(())
+        recorder.record(&columns)
     }
 
     /// The mean of each pixel's window.
