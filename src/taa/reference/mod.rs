@@ -9,6 +9,7 @@ mod hull;
 mod neighbourhood;
 mod output;
 mod phlm2016;
+mod quasi_cubic;
 pub mod real;
 mod rectify;
 mod reproject;
@@ -114,7 +115,7 @@ impl<R: Real> Twin<R> {
             input_weights: blackman_harris(jitter_px),
             color: &color,
             previous: previous.as_ref(),
-            compensated: None,
+            prefiltered: None,
             differences: None,
             stable_edges: None,
         };
@@ -164,8 +165,8 @@ struct Pixels<'a, R> {
     color: &'a Image<Color<R>>,
     /// None in the first frame and after a reset.
     previous: Option<&'a Previous<R>>,
-    /// History as the filter `bfecc` samples it.
-    compensated: Option<Image<Color<R>>>,
+    /// History as the filters `bfecc` and `quasi_cubic` sample it.
+    prefiltered: Option<Image<Color<R>>>,
     /// History less current colour, where the weight needs it.
     differences: Option<Image<Color<R>>>,
     /// Where the box needs it.
@@ -179,9 +180,7 @@ impl<R: Real> Pixels<'_, R> {
         if self.recipe.finds_edges() {
             self.stable_edges = Some(self.stabilised(&self.edges(unlit_luma)));
         }
-        if let (HistoryFilter::Bfecc, Some(previous)) = (self.recipe.history_filter, self.previous) {
-            self.compensated = Some(self.compensated(&previous.history));
-        }
+        self.prefiltered = self.previous.and_then(|previous| self.prefiltered(&previous.history));
         if self.recipe.finds_differences() {
             self.differences = Some(Image::from_fn(extent, |x, y| self.difference([x.into(), y.into()])));
         }

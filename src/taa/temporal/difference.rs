@@ -37,12 +37,12 @@ impl Difference {
         recorder: &mut Recorder<'_>,
         view: View<'_>,
         history: &Texture,
-        compensated: &Texture,
+        prefiltered: &Texture,
     ) -> Result<(), GpuError> {
         let of_pixel = view
             .bind_to(&self.of_pixel)
             .bind("history", history)
-            .bind("compensated", compensated)
+            .bind("prefiltered", prefiltered)
             .bind("difference", &self.pixels)
             .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&of_pixel);
