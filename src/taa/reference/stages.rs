@@ -2,10 +2,11 @@
 //! a line in both tables.
 
 use super::{
-    Pixels, Twin, color,
+    Pixels, Previous, Twin, color,
     color::Color,
     fxaa,
     planes::{Left, Moments, Plane, Scale, made},
+    quasi_cubic,
     real::Real,
     smaa,
     sobel2018::Scalars,
@@ -64,6 +65,14 @@ impl<R: Real> Twin<R> {
             }
             (_, "advect") => colors("advected", pixels.advected()),
             (_, "compensate") => colors("next_compensated", pixels.compensated()),
+            (_, "prefilter_rows") => {
+                let history = self.previous.as_ref().map(Previous::history);
+                colors("coefficients", history.map(quasi_cubic::along_rows))
+            }
+            (_, "prefilter_columns") => {
+                let rows = self.previous.as_ref().map(|_| made(&self.planes.row_coefficients));
+                colors("coefficients", rows.map(quasi_cubic::along_columns))
+            }
             (_, "difference") => colors("difference", pixels.difference()),
             (_, "difference_rows") => colors("rows", pixels.difference_rows()),
             (_, "moments_rows") => self.moments(&pixels.row_moments()),
@@ -99,6 +108,8 @@ impl<R: Real> Twin<R> {
             (_, "antialiased") => planes.antialiased = Some(plane.to_colors()),
             (_, "advected") => planes.advected = Some(plane.to_colors()),
             (_, "next_compensated") => planes.compensated = Some(plane.to_colors()),
+            ("prefilter_rows", "coefficients") => planes.row_coefficients = Some(plane.to_colors()),
+            (_, "coefficients") => planes.coefficients = Some(plane.to_colors()),
             (_, "difference") => planes.difference = Some(plane.to_colors()),
             (_, "rows") => planes.difference_rows = Some(plane.to_colors()),
             ("moments_rows", "means") => planes.row_moments.means = Some(plane.to_colors()),
