@@ -77,7 +77,9 @@ fn sky(direction: vec3f) -> vec3f {
 fn sunlight(world: vec3f) -> f32 {
     let at = frame.shadow_from_world * vec4f(world, 1.0);
     let uv = vec2f(0.5 + 0.5 * at.x, 0.5 - 0.5 * at.y);
-    return textureSampleCompareLevel(shadow_map, shadow_sampler, uv, at.z);
+    let lit = textureSampleCompareLevel(shadow_map, shadow_sampler, uv, at.z);
+    // Outside the map nothing throws a shadow.
+    return select(lit, 1.0, any(abs(at.xy) > vec2f(1.0)) || at.z > 1.0);
 }
 
 // Schlick's Fresnel term with Trowbridge and Reitz's distribution (GGX); visibility after Hammon 2017.

@@ -358,13 +358,23 @@ pub fn fence(seed: u64) -> Scene {
     scene
 }
 
-/// Where [`checker`] changes colour, in units of its own.
-pub const CHECKER_SIDE: f64 = 0.5;
+/// Side of a square of [`checker`].
+const CHECKER_SIDE: f64 = 0.5;
+const CHECKER_COLORS: [u8; 2] = [245, 60];
+
+/// Colour at a point of [`checker`]'s floor.
+pub fn checker_color(on_floor: DVec3) -> f32 {
+    let cell = |v: f64| libm::floor(v / CHECKER_SIDE);
+    let odd = (cell(on_floor.x) + cell(on_floor.z)).rem_euclid(2.0) > 0.5;
+    let c = f64::from(CHECKER_COLORS[usize::from(odd)]) / 255.0;
+    libm::pow((c + 0.055) / 1.055, 2.4) as f32
+}
 
 pub fn checker(_seed: u64) -> Scene {
     let mut scene = Scene::default();
     let texture = Some(scene.texture(Mips::paint(2, |u, v| {
-        let c = if (u < 0.5) == (v < 0.5) { 0.9 } else { 0.04 };
+        // The squares around the origin.
+        let c = checker_color(DVec3::new(u - 0.5, 0.0, v - 0.5) * 2.0 * CHECKER_SIDE);
         [c, c, c, 1.0]
     })));
     let squares = scene.material(Material {
@@ -464,8 +474,8 @@ pub fn balcony(seed: u64) -> Scene {
         ..Lighting::default()
     });
     scene.camera = Box::new(|time, _| {
-        let eye = DVec3::new(-0.9 + 0.03 * time, 1.5, 6.6);
-        Pose::look(eye, DVec3::new(-0.1 + 0.012 * time, 1.75, 0.0), 50.0)
+        let eye = DVec3::new(-1.9 + 0.03 * time, 1.75, 5.2);
+        Pose::look(eye, DVec3::new(-1.1 + 0.012 * time, 1.6, 0.0), 46.0)
     });
     scene
 }

@@ -12,6 +12,7 @@ mod simple;
 mod spaceship;
 
 use super::{BakeError, model::Scene};
+use glam::DVec3;
 use serde::Serialize;
 
 /// A scene by its id.
@@ -187,6 +188,21 @@ pub const SCENES: &[BuiltIn] = &[
         build: simple::still,
     },
 ];
+
+/// Middle of the ball of `sphere` by time.
+pub fn sphere_center(time: f64) -> DVec3 {
+    simple::sphere_center(time)
+}
+
+/// Its radius.
+pub fn sphere_radius() -> f64 {
+    simple::SPHERE_RADIUS
+}
+
+/// Colour of the floor of `checker` at a point on it: each channel's.
+pub fn checker_color(on_floor: DVec3) -> f32 {
+    edges::checker_color(on_floor)
+}
 
 /// The scene with this id.
 pub fn find(id: &str) -> Result<&'static BuiltIn, BakeError> {
