@@ -60,7 +60,7 @@ struct Vertex {
 }
 
 struct ColorVarying {
-    @builtin(position) position: vec4f,
+    @builtin(position) @invariant position: vec4f,
     @location(0) world: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
@@ -121,6 +121,12 @@ fn vs_surface(vertex: Vertex, @builtin(instance_index) object: u32) -> SurfaceVa
         clip.xyw,
         previous_clip.xyw,
     );
+}
+
+// Depth alone, exactly as `vs_color` has it: what lies behind is then never shaded.
+@vertex
+fn vs_depth(vertex: Vertex, @builtin(instance_index) object: u32) -> @builtin(position) @invariant vec4f {
+    return jittered(objects[object].clip_from_object * vec4f(vertex.position, 1.0));
 }
 
 // The scene as the sun sees it.

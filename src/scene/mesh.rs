@@ -80,15 +80,24 @@ impl Mesh {
         })
     }
 
-    /// A tube along y from −0.5 to 0.5, of radius 0.5 below and `top` × 0.5 above, with lids.
-    pub fn cone(n_sides: u32, top: f64) -> Self {
-        let mut mesh = Self::grid(n_sides, 1, |u, v| {
+    /// A tube along y from −0.5 to 0.5, of radius 0.5, open at its ends.
+    pub fn tube(n_sides: u32) -> Self {
+        Self::mantle(n_sides, 1.0)
+    }
+
+    fn mantle(n_sides: u32, top: f64) -> Self {
+        Self::grid(n_sides, 1, |u, v| {
             let angle = u * TAU;
             let out = DVec3::new(libm::sin(angle), 0.0, libm::cos(angle));
             let radius = 0.5 * (1.0 + (top - 1.0) * v);
             let normal = (out + DVec3::Y * (0.5 * (1.0 - top))).normalize();
             (out * radius + DVec3::Y * (v - 0.5), normal, DVec2::new(u, 1.0 - v))
-        });
+        })
+    }
+
+    /// The same of radius 0.5 below and `top` × 0.5 above, with lids.
+    pub fn cone(n_sides: u32, top: f64) -> Self {
+        let mut mesh = Self::mantle(n_sides, top);
         for (y, radius) in [(-0.5, 0.5), (0.5, 0.5 * top)] {
             let normal = DVec3::Y * libm::copysign(1.0, y);
             let first = mesh.vertices.len() as u32;

@@ -38,6 +38,8 @@ impl Kind {
 pub(super) struct Variant {
     /// Colour alone.
     pub color: wgpu::RenderPipeline,
+    /// Depth alone, ahead of colour; none where there are holes.
+    pub depth: Option<wgpu::RenderPipeline>,
     /// Everything a frame holds.
     pub surface: wgpu::RenderPipeline,
     /// Depth from the sun.
@@ -59,8 +61,9 @@ const SOURCES: [&str; 2] = [
     include_str!("../../shaders/scene/surface.wgsl"),
     include_str!("../../shaders/scene/frame.wgsl"),
 ];
-const ENTRIES: [&str; 10] = [
+const ENTRIES: [&str; 11] = [
     "vs_color",
+    "vs_depth",
     "vs_surface",
     "vs_shadow",
     "vs_previous",
@@ -191,6 +194,15 @@ fn variant(gpu: &Gpu, raster: &Raster, kind: Kind, shadowed: bool, n_lights: usi
             targets: &targets[..1],
             ..base.clone()
         })?,
+        depth: (kind.alpha == Alpha::Opaque)
+            .then(|| {
+                pipeline(RasterSpec {
+                    label: "scene, depth",
+                    vertex: "vs_depth",
+                    ..base.clone()
+                })
+            })
+            .transpose()?,
         surface: pipeline(RasterSpec {
             label: "scene, surface",
             vertex: "vs_surface",

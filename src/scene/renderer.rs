@@ -296,12 +296,12 @@ impl<'g> Renderer<'g> {
         };
         let view = self.bind_view(no_view, Extent::new(1, 1))?;
         {
-            let mut pass = begin(&mut encoder, "shadows", &[], &self.shadow_map, 1.0);
+            let mut pass = begin(&mut encoder, "shadows", &[], &self.shadow_map, Some(1.0));
             pass.set_bind_group(0, group, &[]);
             pass.set_bind_group(1, &view, &[]);
             for batch in &self.opaque {
                 if self.scene.materials[batch.material].casts_shadow {
-                    self.draw(&mut pass, batch, |variant| &variant.shadow);
+                    self.draw(&mut pass, batch, |variant| Some(&variant.shadow));
                 }
             }
         }
@@ -318,9 +318,18 @@ impl<'g> Renderer<'g> {
         target: &ColorTarget,
     ) -> Result<(), GpuError> {
         let view = self.bind_view(view, target.color.extent())?;
-        let mut pass = begin(encoder, "colour", &[&target.color], &target.depth, 0.0);
+        {
+            // Shading costs far more than rasterising: first find what is in front.
+            let mut pass = begin(encoder, "depth", &[], &target.depth, Some(0.0));
+            pass.set_bind_group(0, &frame.group, &[]);
+            pass.set_bind_group(1, &view, &[]);
+            for batch in &self.opaque {
+                self.draw(&mut pass, batch, |variant| variant.depth.as_ref());
+            }
+        }
+        let mut pass = begin(encoder, "colour", &[&target.color], &target.depth, None);
         self.draw_all(&mut pass, frame, &view, &self.pipelines.sky_color, |variant| {
-            &variant.color
+            Some(&variant.color)
         });
         Ok(())
     }
@@ -334,9 +343,9 @@ impl<'g> Renderer<'g> {
         target: &SurfaceTarget,
     ) -> Result<(), GpuError> {
         let view = self.bind_view(view, target.images[0].extent())?;
-        let mut pass = begin(encoder, "surface", &target.images.each_ref(), &target.depth, 0.0);
+        let mut pass = begin(encoder, "surface", &target.images.each_ref(), &target.depth, Some(0.0));
         self.draw_all(&mut pass, frame, &view, &self.pipelines.sky_surface, |variant| {
-            &variant.surface
+            Some(&variant.surface)
         });
         Ok(())
     }
@@ -353,11 +362,11 @@ impl<'g> Renderer<'g> {
             seed: 0,
         };
         let view = self.bind_view(no_jitter, depth.extent())?;
-        let mut pass = begin(encoder, "previous depth", &[], depth, 0.0);
+        let mut pass = begin(encoder, "previous depth", &[], depth, Some(0.0));
         pass.set_bind_group(0, &frame.group, &[]);
         pass.set_bind_group(1, &view, &[]);
         for batch in &self.opaque {
-            self.draw(&mut pass, batch, |variant| &variant.previous);
+            self.draw(&mut pass, batch, |variant| Some(&variant.previous));
         }
         Ok(())
     }
@@ -368,7 +377,7 @@ impl<'g> Renderer<'g> {
         frame: &PreparedFrame,
         view: &wgpu::BindGroup,
         sky: &wgpu::RenderPipeline,
-        pipeline: impl Fn(&'a Variant) -> &'a wgpu::RenderPipeline,
+        pipeline: impl Fn(&'a Variant) -> Option<&'a wgpu::RenderPipeline>,
     ) {
         pass.set_bind_group(0, &frame.group, &[]);
         pass.set_bind_group(1, view, &[]);
@@ -387,11 +396,14 @@ impl<'g> Renderer<'g> {
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
         batch: &Batch,
-        pipeline: impl Fn(&'a Variant) -> &'a wgpu::RenderPipeline,
+        pipeline: impl Fn(&'a Variant) -> Option<&'a wgpu::RenderPipeline>,
     ) {
         let mesh = &self.meshes[batch.mesh];
         let kind = Kind::of(&self.scene.materials[batch.material]);
-        pass.set_pipeline(pipeline(&self.pipelines.variants[&kind]));
+        let Some(pipeline) = pipeline(&self.pipelines.variants[&kind]) else {
+            return;
+        };
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(2, &self.materials[batch.material], &[]);
         pass.set_vertex_buffer(0, mesh.vertices.slice(..));
         pass.set_vertex_buffer(1, mesh.previous.as_ref().unwrap_or(&mesh.vertices).slice(..));
@@ -405,7 +417,7 @@ fn begin<'e>(
     label: &str,
     targets: &[&Texture],
     depth: &Texture,
-    cleared_depth: f32,
+    cleared_depth: Option<f32>,
 ) -> wgpu::RenderPass<'e> {
     let color_attachments: Vec<_> = targets
         .iter()
@@ -427,7 +439,7 @@ fn begin<'e>(
         depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
             view: depth.view(),
             depth_ops: Some(wgpu::Operations {
-                load: wgpu::LoadOp::Clear(cleared_depth),
+                load: cleared_depth.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear),
                 store: wgpu::StoreOp::Store,
             }),
             stencil_ops: None,

@@ -7,6 +7,7 @@ use super::{
         Space, Spatial, Weight,
     },
 };
+use crate::sequence::jitter::JitterSequence;
 use serde::Serialize;
 
 /// A published system.
@@ -18,6 +19,8 @@ pub struct Preset {
     pub description: &'static str,
     /// Where it was published.
     pub publication: &'static str,
+    /// The jitter that it was tuned for, where nothing is upscaled.
+    pub jitter: JitterSequence,
     /// Its parameters.
     pub recipe: Recipe,
 }
@@ -106,6 +109,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "none",
         description: "The engine's colour as it is: what anti-aliasing has to improve on",
         publication: "",
+        jitter: JitterSequence::None,
         recipe: Recipe {
             source: Source::UnjitteredIfPresent,
             history_filter: HistoryFilter::None,
@@ -116,6 +120,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "unjitter_only",
         description: "Each frame alone, resampled onto the jitter-free grid",
         publication: "",
+        jitter: JitterSequence::Halton23(16),
         recipe: Recipe {
             input_filter: InputFilter::Unjitter,
             history_filter: HistoryFilter::None,
@@ -126,6 +131,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "accumulate",
         description: "The mean of all frames, pixel by pixel: for scenes that stand still",
         publication: "Haeberli and Akeley, The Accumulation Buffer, 1990",
+        jitter: JitterSequence::Halton23(128),
         recipe: Recipe {
             history_filter: HistoryFilter::Texel,
             reproject: false,
@@ -138,12 +144,14 @@ pub const PRESETS: [Preset; 19] = [
         id: "ema",
         description: "Exponential moving average along the motion, without rectification",
         publication: "Yang et al., Amortized Supersampling, 2009",
+        jitter: JitterSequence::Halton23(8),
         recipe: BASE,
     },
     Preset {
         id: "amortized",
         description: "Running mean along the motion, shortened where history differs or resampling would blur it",
         publication: "Yang et al., Amortized Supersampling, 2009",
+        jitter: JitterSequence::Halton23(8),
         recipe: Recipe {
             weight: Weight::Amortized,
             ..BASE
@@ -153,6 +161,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "smaa1tx",
         description: "Cross-shaped box, clamp, less history in motion",
         publication: "Sousa, CryENGINE 3 Graphics Gems, SIGGRAPH 2013",
+        jitter: JitterSequence::Quincunx2,
         recipe: Recipe {
             domain: Domain::Tonemapped,
             neighbourhood: Neighbourhood::Cross,
@@ -165,12 +174,14 @@ pub const PRESETS: [Preset; 19] = [
         id: "inside",
         description: "Closest-depth dilation, rounded box, clip to its centre, luma feedback, motion-blur fallback",
         publication: "Pedersen, Temporal Reprojection Anti-Aliasing in INSIDE, GDC 2016",
+        jitter: JitterSequence::Halton23(16),
         recipe: INSIDE,
     },
     Preset {
         id: "inside_ycocg",
         description: "The same in YCoCg, with a chroma box as narrow as luma's range allows",
         publication: "Pedersen, Temporal Reprojection Anti-Aliasing in INSIDE, GDC 2016, bonus slides",
+        jitter: JitterSequence::Halton23(16),
         recipe: Recipe {
             space: Space::Ycocg,
             chroma_from_luma: true,
@@ -181,6 +192,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "uncharted4",
         description: "As INSIDE, sharpened",
         publication: "Xu, Temporal Antialiasing in Uncharted 4, SIGGRAPH 2016",
+        jitter: JitterSequence::Halton23(16),
         recipe: Recipe {
             sharpen: Sharpen::Xu,
             motion_blur: false,
@@ -191,6 +203,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "karis2014",
         description: "Filtered input, five-tap Catmull-Rom history, YCoCg clip, anti-flicker and luma weights",
         publication: "Karis, High-Quality Temporal Supersampling, SIGGRAPH 2014",
+        jitter: JitterSequence::Halton23(8),
         recipe: Recipe {
             dilation: Dilation::Closest,
             input_filter: InputFilter::BlackmanHarris,
@@ -207,12 +220,14 @@ pub const PRESETS: [Preset; 19] = [
         id: "salvi2016",
         description: "Longest-motion dilation, Catmull-Rom history, variance clipping towards the current colour",
         publication: "Salvi, An Excursion in Temporal Supersampling, GDC 2016",
+        jitter: JitterSequence::Halton23(16),
         recipe: SALVI,
     },
     Preset {
         id: "salvi2016_wide",
         description: "The same with 7×7 texels, their moments found by separable passes",
         publication: "Salvi, An Excursion in Temporal Supersampling, GDC 2016",
+        jitter: JitterSequence::Halton23(16),
         recipe: Recipe {
             variance_window: 7,
             prefilter_moments: true,
@@ -224,6 +239,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "phlm2016",
         description: "A linear model for each pixel, fitted recursively to its past; a running mean where all is still",
         publication: "Iglesias-Guitian et al., Pixel History Linear Models for Real-Time Temporal Filtering, 2016",
+        jitter: JitterSequence::Halton23(16),
         recipe: Recipe {
             algorithm: Algorithm::Phlm2016,
             domain: Domain::Tonemapped,
@@ -235,6 +251,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "sobel2018",
         description: "A box as wide as edges, depth and objects say that the pixel is aliased; sharpened",
         publication: "Oliveros Labrador, Improved Sampling for Temporal Anti-Aliasing, Lund 2018",
+        jitter: JitterSequence::Halton23(16),
         recipe: Recipe {
             neighbourhood: Neighbourhood::Sobel,
             sharpen: Sharpen::Normalised,
@@ -246,6 +263,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "taau",
         description: "Temporal upsampling by 1 to 4 along each axis: samples count by how near they fall to a pixel",
         publication: "Yang et al., A Survey of Temporal Antialiasing Techniques, 2020, after Unreal Engine 4.19",
+        jitter: JitterSequence::Halton23(8),
         recipe: Recipe {
             domain: Domain::Tonemapped,
             dilation: Dilation::Closest,
@@ -261,6 +279,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "checkerboard",
         description: "Every other pixel from the frame, the rest from history rectified by its shaded neighbours",
         publication: "Yang et al., A Survey of Temporal Antialiasing Techniques, 2020, 5.3",
+        jitter: JitterSequence::None,
         recipe: Recipe {
             algorithm: Algorithm::Checkerboard,
             domain: Domain::Tonemapped,

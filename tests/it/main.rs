@@ -3,6 +3,7 @@
 
 mod api;
 mod bad_input;
+mod bake;
 mod checkerboard;
 mod cli;
 mod golden;

@@ -287,3 +287,35 @@ fn plants_and_lamps(scene: &mut Scene, stone: usize, iron: usize, seed: u64) {
         scene.place(chain, iron, super::parts::bar(across[0], across[1], 0.03));
     }
 }
+
+/// The frame at which [`cut`] goes elsewhere.
+pub const CUT: usize = 8;
+
+/// The hall in two shots.
+pub fn cut(seed: u64) -> Scene {
+    let mut scene = atrium(seed);
+    scene.cuts = vec![CUT];
+    scene.camera = Box::new(|time, shot| {
+        let step = 0.05 * time;
+        match shot {
+            0 => Pose::look(DVec3::new(1.0, 1.65, 7.5 - step), DVec3::new(-0.8, 2.2, -2.0), 58.0),
+            _ => Pose::look(
+                DVec3::new(-1.4 + step, 4.9, -9.0),
+                DVec3::new(0.4 + step, 2.4, 4.0),
+                62.0,
+            ),
+        }
+    });
+    scene
+}
+
+/// The hall, looked around in fast: the camera turns by about 50 pixels a frame at 640 × 360.
+pub fn pan(seed: u64) -> Scene {
+    let mut scene = atrium(seed);
+    scene.camera = Box::new(|time, _| {
+        let yaw = -0.9 + 0.12 * time;
+        let eye = DVec3::new(0.2, 1.7, 1.0);
+        Pose::look(eye, eye + DVec3::new(libm::sin(yaw), 0.05, -libm::cos(yaw)), 58.0)
+    });
+    scene
+}

@@ -163,9 +163,9 @@ pub fn block(low: DVec3, high: DVec3) -> DMat4 {
     DMat4::from_translation(0.5 * (low + high)) * DMat4::from_scale(high - low)
 }
 
-/// A mesh of many bars.
+/// A mesh of many bars, open at their ends.
 pub fn bars(ends: impl IntoIterator<Item = (DVec3, DVec3, f64)>, n_sides: u32) -> Mesh {
-    let one = Mesh::cylinder(n_sides);
+    let one = Mesh::tube(n_sides);
     let mut mesh = Mesh::default();
     for (from, to, diameter) in ends {
         mesh.append(&one, bar(from, to, diameter));

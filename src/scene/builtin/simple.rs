@@ -58,7 +58,7 @@ pub fn sphere(seed: u64) -> Scene {
 }
 
 /// Alpha that fades out from the middle, torn by noise.
-fn smoke(seed: u64) -> Mips {
+pub fn smoke(seed: u64) -> Mips {
     Mips::paint(256, move |u, v| {
         let (x, y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
         let fade = (1.0 - libm::sqrt(x * x + y * y)).max(0.0);
