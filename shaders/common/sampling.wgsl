@@ -30,8 +30,8 @@ fn catmull_rom_weights(f: f32) -> vec4f {
     );
 }
 
-// One row of the 4×4 spline: texels -1 to 2 beside `texel`.
-fn catmull_rom_row(image: texture_2d<f32>, texel: vec2i, w: vec4f) -> vec3f {
+// A row of 4×4 weighted texels: -1 to 2 beside `texel`.
+fn row_of_4(image: texture_2d<f32>, texel: vec2i, w: vec4f) -> vec3f {
     return w.x * fetch(image, texel + vec2i(-1, 0)) + w.y * fetch(image, texel)
         + w.z * fetch(image, texel + vec2i(1, 0)) + w.w * fetch(image, texel + vec2i(2, 0));
 }
@@ -43,8 +43,34 @@ fn sample_catmull_rom(image: texture_2d<f32>, position: vec2f) -> vec3f {
     let texel = vec2i(base);
     let wx = catmull_rom_weights(f.x);
     let wy = catmull_rom_weights(f.y);
-    return wy.x * catmull_rom_row(image, texel + vec2i(0, -1), wx) + wy.y * catmull_rom_row(image, texel, wx)
-        + wy.z * catmull_rom_row(image, texel + vec2i(0, 1), wx) + wy.w * catmull_rom_row(image, texel + vec2i(0, 2), wx);
+    return wy.x * row_of_4(image, texel + vec2i(0, -1), wx) + wy.y * row_of_4(image, texel, wx)
+        + wy.z * row_of_4(image, texel + vec2i(0, 1), wx) + wy.w * row_of_4(image, texel + vec2i(0, 2), wx);
+}
+
+// Coefficients that the kernel of `quasi_cubic` finds beyond each edge of the image.
+const QUASI_MARGIN: i32 = 2;
+
+// φ = β³ + λ β³″ at the distances 1 + f, f, 1 - f and 2 - f (src/taa/reference/quasi_cubic.rs).
+fn quasi_cubic_weights(f: f32) -> vec4f {
+    const LAMBDA = 0.04;
+    let g = 1.0 - f;
+    return vec4f(
+        g * (g * g / 6.0 + LAMBDA),
+        2.0 / 3.0 + f * f * (0.5 * f - 1.0) + LAMBDA * (3.0 * f - 2.0),
+        2.0 / 3.0 + g * g * (0.5 * g - 1.0) + LAMBDA * (3.0 * g - 2.0),
+        f * (f * f / 6.0 + LAMBDA),
+    );
+}
+
+// Of an image's coefficients, which its margin precedes. May be negative.
+fn sample_quasi_cubic(coefficients: texture_2d<f32>, position: vec2f) -> vec3f {
+    let base = floor(position - 0.5);
+    let f = position - 0.5 - base;
+    let texel = vec2i(base) + QUASI_MARGIN;
+    let wx = quasi_cubic_weights(f.x);
+    let wy = quasi_cubic_weights(f.y);
+    return wy.x * row_of_4(coefficients, texel + vec2i(0, -1), wx) + wy.y * row_of_4(coefficients, texel, wx)
+        + wy.z * row_of_4(coefficients, texel + vec2i(0, 1), wx) + wy.w * row_of_4(coefficients, texel + vec2i(0, 2), wx);
 }
 
 // The spline without its corners, renormalised: what five bilinear taps compute, here from the 12 texels they touch. It
@@ -57,8 +83,8 @@ fn sample_catmull_rom_5(image: texture_2d<f32>, position: vec2f) -> vec3f {
     let wy = catmull_rom_weights(f.y);
     let top = wx.y * fetch(image, texel + vec2i(0, -1)) + wx.z * fetch(image, texel + vec2i(1, -1));
     let bottom = wx.y * fetch(image, texel + vec2i(0, 2)) + wx.z * fetch(image, texel + vec2i(1, 2));
-    let sum = wy.x * top + wy.y * catmull_rom_row(image, texel, wx)
-        + wy.z * catmull_rom_row(image, texel + vec2i(0, 1), wx) + wy.w * bottom;
+    let sum = wy.x * top + wy.y * row_of_4(image, texel, wx)
+        + wy.z * row_of_4(image, texel + vec2i(0, 1), wx) + wy.w * bottom;
     let inner_x = wx.y + wx.z;
     let inner_y = wy.y + wy.z;
     return sum / (inner_x * (wy.x + wy.w) + inner_y * (wx.x + inner_x + wx.w));

@@ -13,7 +13,7 @@ const RESOLVE: &str = include_str!("../../shaders/taa/checkerboard/resolve.wgsl"
 pub struct Checkerboard {
     resolve: Pass,
     history: Carried,
-    /// Bound for the one history filter that is refused.
+    /// Bound for the history filters that are refused.
     nothing: Texture,
 }
 
@@ -36,7 +36,7 @@ impl Checkerboard {
         let resolve = view
             .bind_to(&self.resolve)
             .bind("history", self.history.previous())
-            .bind("compensated", &self.nothing)
+            .bind("prefiltered", &self.nothing)
             .bind("next_history", self.history.current())
             .bind("shown", shown)
             .over(recorder.gpu, view.sizes().render)?;

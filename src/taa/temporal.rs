@@ -2,13 +2,11 @@
 
 mod chain;
 mod moments;
+mod prefilter;
+mod quasi_cubic;
 
 use super::{
-    Carried, Fault, Precision, Recipe,
-    fault::planted,
-    inputs::View,
-    recipe::{HistoryFilter, Sharpen},
-    recorder::Recorder,
+    Carried, Fault, Precision, Recipe, fault::planted, inputs::View, recipe::Sharpen, recorder::Recorder,
     sobel2018::Edges,
 };
 use crate::{
@@ -16,8 +14,9 @@ use crate::{
     image::Extent,
     sequence::Sizes,
 };
-use chain::{COMPENSATION, Chain, DIFFERENCE};
+use chain::{Chain, DIFFERENCE};
 use moments::Moments;
+use prefilter::Prefilter;
 use wgpu::TextureFormat;
 
 /// What every pass of a recipe is compiled with.
@@ -86,7 +85,7 @@ impl Builder<'_> {
 /// The passes of a temporal recipe and what they keep.
 #[derive(Debug)]
 pub struct Temporal {
-    compensation: Option<Chain>,
+    prefilter: Option<Prefilter>,
     difference: Option<Chain>,
     moments: Option<Moments>,
     edges: Option<Edges>,
@@ -102,10 +101,7 @@ pub struct Temporal {
 impl Temporal {
     /// The names of the passes, in the order recorded.
     pub fn passes(recipe: &Recipe) -> Vec<&'static str> {
-        let mut passes = Vec::new();
-        if needs_compensation(recipe) {
-            passes.extend(chain::names(COMPENSATION));
-        }
+        let mut passes = Prefilter::passes(recipe.history_filter);
         if recipe.finds_differences() {
             passes.extend(chain::names(DIFFERENCE));
         }
@@ -125,9 +121,7 @@ impl Temporal {
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
         let Builder { gpu, recipe, .. } = builder;
         let extent = builder.sizes.output;
-        let compensation = needs_compensation(recipe)
-            .then(|| Chain::new(builder, COMPENSATION, extent))
-            .transpose()?;
+        let prefilter = Prefilter::new(builder)?;
         let difference = recipe
             .finds_differences()
             .then(|| Chain::new(builder, DIFFERENCE, builder.sizes.render))
@@ -141,7 +135,7 @@ impl Temporal {
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
         gpu.scope("making room for history", || Self {
-            compensation,
+            prefilter,
             difference,
             moments,
             edges,
@@ -159,12 +153,12 @@ impl Temporal {
         self.n_samples.advance();
         let history = self.history.previous();
         let nothing = &self.nothing;
-        if let Some(compensation) = &self.compensation {
-            compensation.record(recorder, view, &[("history", history)])?;
+        if let Some(prefilter) = &self.prefilter {
+            prefilter.record(recorder, view, history)?;
         }
-        let compensated = self.compensation.as_ref().map_or(nothing, Chain::made);
+        let prefiltered = self.prefilter.as_ref().map_or(nothing, Prefilter::prefiltered);
         if let Some(difference) = &self.difference {
-            difference.record(recorder, view, &[("history", history), ("compensated", compensated)])?;
+            difference.record(recorder, view, &[("history", history), ("prefiltered", prefiltered)])?;
         }
         if let Some(moments) = &self.moments {
             moments.record(recorder, view)?;
@@ -175,7 +169,7 @@ impl Temporal {
         let resolve = view
             .bind_to(&self.resolve)
             .bind("history", history)
-            .bind("compensated", compensated)
+            .bind("prefiltered", prefiltered)
             .bind("next_history", self.history.current())
             .bind("n_samples", self.n_samples.previous())
             .bind("next_n_samples", self.n_samples.current())
@@ -199,10 +193,6 @@ impl Temporal {
         }
         Ok(())
     }
-}
-
-fn needs_compensation(recipe: &Recipe) -> bool {
-    recipe.history_filter == HistoryFilter::Bfecc
 }
 
 fn needs_moments(recipe: &Recipe) -> bool {

@@ -15,6 +15,7 @@ mod properties;
 mod run;
 mod sequence;
 mod shaders;
+mod spatial;
 mod store;
 mod support;
 mod temporal;

@@ -131,7 +131,7 @@ fn variants_have_the_numbers_that_the_shaders_know() {
     check!("SPACE", Space: Rgb, Ycocg);
     check!("DILATION", Dilation: None, Closest, Longest);
     check!("INPUT", InputFilter: Texel, Unjitter, BlackmanHarris, Upsample);
-    check!("HISTORY", HistoryFilter: None, Texel, Bilinear, CatmullRom, CatmullRom5, Bfecc);
+    check!("HISTORY", HistoryFilter: None, Texel, Bilinear, CatmullRom, CatmullRom5, Bfecc, QuasiCubic);
     check!("NEIGHBOURHOOD", Neighbourhood: None, Cross, Box3, Rounded, Variance, Sobel, Shrunk);
     check!("RECTIFY", Rectify: None, Clamp, ClipCentre, ClipCurrent);
     check!("WEIGHT", Weight: Fixed, LumaFeedback, Antiflicker, Count, Amortized);

@@ -11,9 +11,10 @@ const HISTORY_BILINEAR: u32 = 2u;
 const HISTORY_CATMULL_ROM: u32 = 3u;
 const HISTORY_CATMULL_ROM_5: u32 = 4u;
 const HISTORY_BFECC: u32 = 5u;
+const HISTORY_QUASI_CUBIC: u32 = 6u;
 
-// History prepared for `bfecc`. From 25 on are bindings of this file's own.
-@group(0) @binding(25) var compensated: texture_2d<f32>;
+// What `bfecc` and `quasi_cubic` make of history before it is sampled. From 25 on are bindings of this file's own.
+@group(0) @binding(25) var prefiltered: texture_2d<f32>;
 
 fn current_color(p: vec2i, has_history: bool) -> vec3f {
     switch (input_filter) {
@@ -36,7 +37,8 @@ fn filtered_history(q: vec2f) -> vec3f {
         case HISTORY_BILINEAR: { return sample_bilinear(history, q); }
         case HISTORY_CATMULL_ROM: { h = sample_catmull_rom(history, q); }
         case HISTORY_CATMULL_ROM_5: { h = sample_catmull_rom_5(history, q); }
-        case HISTORY_BFECC: { h = sample_bilinear(compensated, q); }
+        case HISTORY_BFECC: { h = sample_bilinear(prefiltered, q); }
+        case HISTORY_QUASI_CUBIC: { h = sample_quasi_cubic(prefiltered, q); }
         default: { return fetch(history, vec2i(floor(q))); }
     }
     h = max(h, vec3f(0.0));

@@ -71,6 +71,15 @@ pub enum HistoryFilter {
     CatmullRom5,
     /// Bilinear, of a history that half the error of sampling forth and back was added to.
     Bfecc,
+    /// 4×4 cubic quasi-interpolator of a recursively prefiltered history.
+    QuasiCubic,
+}
+
+impl HistoryFilter {
+    /// Whether it samples something made of the whole history first.
+    pub fn has_prefilter(self) -> bool {
+        matches!(self, Self::Bfecc | Self::QuasiCubic)
+    }
 }
 
 /// The colour space of box and rectification.

@@ -127,12 +127,12 @@ pub fn algorithms(recipe: &Recipe) -> Vec<Rule> {
         (
             recipe.algorithm != Algorithm::Checkerboard
                 || recipe.dilation != Dilation::None
-                    && recipe.history_filter != HistoryFilter::Bfecc
+                    && !recipe.history_filter.has_prefilter()
                     && recipe.rectify != Rectify::Hull
                     && !(recipe.reject_depth || recipe.reject_id),
             "algorithm",
             "`checkerboard` needs dilation, for half of its pixels have no vector of their own, and has neither `bfecc`, \
-             `hull`, `reject_depth` nor `reject_id`",
+             `quasi_cubic`, `hull`, `reject_depth` nor `reject_id`",
         ),
     ]
 }
@@ -167,5 +167,11 @@ mod tests {
         assert_eq!(refused("phlm2016", "motion_blur", true.into()), "algorithm");
         assert_eq!(refused("phlm2016", "history_filter", "none".into()), "algorithm");
         assert_eq!(refused("ema", "rectify", "hull".into()), "rectify");
+        assert_eq!(refused("ema", "spatial", "fxaa".into()), "spatial");
+        assert_eq!(refused("checkerboard", "spatial", "smaa".into()), "spatial");
+        assert_eq!(
+            refused("checkerboard", "history_filter", "quasi_cubic".into()),
+            "algorithm"
+        );
     }
 }

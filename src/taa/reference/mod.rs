@@ -13,6 +13,7 @@ mod neighbourhood;
 mod output;
 mod phlm2016;
 mod planes;
+mod quasi_cubic;
 pub mod real;
 mod rectify;
 mod reproject;

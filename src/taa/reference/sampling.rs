@@ -1,14 +1,14 @@
 //! Filters: the twin of `shaders/common/sampling.wgsl`. Positions are in pixels, texel centres at +0.5; a fetch outside
 //! the image takes the nearest edge texel.
 
-use super::{Pixels, color::Color, planes::made, real::Real};
+use super::{Pixels, color::Color, planes::made, quasi_cubic, real::Real};
 use crate::{image::Image, taa::recipe::HistoryFilter};
 
 /// A position in pixels.
 pub type Position<R> = [R; 2];
 
 /// The texel at or below a position's texel-centre grid, and the fractions beyond it.
-fn split<R: Real>(position: Position<R>) -> ([i64; 2], [R; 2]) {
+pub fn split<R: Real>(position: Position<R>) -> ([i64; 2], [R; 2]) {
     let base = position.map(|s| (s - R::new(0.5)).floor());
     let fraction = std::array::from_fn(|axis| position[axis] - R::new(0.5) - base[axis]);
     (base.map(|s| s.to_f64() as i64), fraction)
@@ -57,8 +57,13 @@ fn catmull_rom_weights<R: Real>(f: R) -> [R; 4] {
 
 /// The separable 4×4 spline.
 fn catmull_rom<R: Real>(image: &Image<Color<R>>, position: Position<R>) -> Color<R> {
-    let ([x, y], [fx, fy]) = split(position);
-    let (wx, wy) = (catmull_rom_weights(fx), catmull_rom_weights(fy));
+    let (_, fractions) = split(position);
+    separable(image, position, fractions.map(catmull_rom_weights))
+}
+
+/// The 4×4 texels around a position, by weights along each axis.
+pub fn separable<R: Real>(image: &Image<Color<R>>, position: Position<R>, [wx, wy]: [[R; 4]; 2]) -> Color<R> {
+    let ([x, y], _) = split(position);
     let mut sum = Color::default();
     for (j, wy) in (-1..).zip(wy) {
         for (i, wx) in (-1..).zip(wx) {
@@ -97,11 +102,12 @@ impl<R: Real> Pixels<'_, R> {
     /// The previous frame's `history` at `q`.
     pub fn filtered(&self, history: &Image<Color<R>>, q: Position<R>) -> Color<R> {
         let (filter, deringing) = (self.recipe.history_filter, self.recipe.deringing);
-        if filter == HistoryFilter::Bfecc {
-            let compensated = made(&self.planes.compensated);
-            return without_lobes(bilinear(compensated, q), history, q, deringing);
-        }
-        filtered(history, q, filter, deringing)
+        let value = match filter {
+            HistoryFilter::Bfecc => bilinear(made(&self.planes.compensated), q),
+            HistoryFilter::QuasiCubic => quasi_cubic::sample(made(&self.planes.coefficients), q),
+            _ => return filtered(history, q, filter, deringing),
+        };
+        without_lobes(value, history, q, deringing)
     }
 
     /// History carried along the motion; none where it is absent as a whole.
@@ -142,7 +148,7 @@ fn filtered<R: Real>(image: &Image<Color<R>>, q: Position<R>, filter: HistoryFil
         HistoryFilter::Bilinear => return bilinear(image, q),
         HistoryFilter::CatmullRom => catmull_rom(image, q),
         HistoryFilter::CatmullRom5 => catmull_rom_5(image, q),
-        HistoryFilter::Bfecc => unreachable!("its history is compensated first"),
+        HistoryFilter::Bfecc | HistoryFilter::QuasiCubic => unreachable!("history is prefiltered first"),
     };
     without_lobes(value, image, q, deringing)
 }
@@ -193,5 +199,37 @@ mod tests {
         assert_eq!(at(4.2, false), 0.0, "undershoot before the edge");
         assert!(at(5.8, false) > 1.0, "overshoot behind it");
         assert_eq!(at(5.8, true), 1.0);
+    }
+
+    /// Survey of Yang et al. 2020, figure 8: history is resampled again and again, there and back by fractions of a pixel.
+    #[test]
+    fn of_a_hundred_resamplings_quasi_cubic_keeps_most() {
+        let extent = Extent::new(40, 40);
+        let scene = Image::from_fn(extent, |x, y| {
+            let (x, y) = (f64::from(x), f64::from(y));
+            Color::splat(0.5 + 0.2 * libm::sin(1.1 * x + 0.3 * y) + 0.2 * libm::cos(0.4 * x - 0.9 * y))
+        });
+        let error = |step: &dyn Fn(&Image<Color<f64>>, [f64; 2]) -> Image<Color<f64>>| {
+            let mut image = scene.clone();
+            for i in 0..50 {
+                let shift = [0.618, 0.755].map(|g: f64| (f64::from(i) * g).fract());
+                image = step(&step(&image, shift), shift.map(|s| -s));
+            }
+            let inner = (10..30).flat_map(|y| (10..30).map(move |x| (x, y)));
+            let squares = inner.map(|(x, y)| (image.at(x, y).0[0] - scene.at(x, y).0[0]).powi(2));
+            squares.sum::<f64>() / 400.0
+        };
+        let moved = |[dx, dy]: [f64; 2], sample: &(dyn Fn([f64; 2]) -> Color<f64> + Sync)| {
+            Image::from_fn(extent, |x, y| {
+                sample([f64::from(x) + 0.5 + dx, f64::from(y) + 0.5 + dy])
+            })
+        };
+        let of = |filter| error(&|image, shift| moved(shift, &|q| filtered(image, q, filter, false)));
+        let quasi_cubic = error(&|image, shift| {
+            let coefficients = quasi_cubic::along_columns(&quasi_cubic::along_rows(image));
+            moved(shift, &|q| quasi_cubic::sample(&coefficients, q))
+        });
+        let errors = [quasi_cubic, of(HistoryFilter::CatmullRom), of(HistoryFilter::Bilinear)];
+        assert!(errors[0] < 0.1 * errors[1] && errors[1] < 0.5 * errors[2], "{errors:?}");
     }
 }

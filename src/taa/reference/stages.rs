@@ -6,6 +6,7 @@ use super::{
     color::Color,
     fxaa,
     planes::{Left, Moments, Plane, Scale, made},
+    quasi_cubic,
     real::Real,
     smaa,
     sobel2018::Scalars,
@@ -46,11 +47,18 @@ impl<R: Real> Twin<R> {
             (_, "fxaa") => colors("antialiased", Some(fxaa::antialiased(pixels.color, light))),
             (_, "smaa_edges") => {
                 let edges = smaa::edges(pixels.color);
-                vec![Plane::new("next_edges", [Scale::Range], &edges, |sides| [R::new(sides.bits() as f64)])]
+                vec![Plane::new("next_edges", [Scale::Range], &edges, |sides| {
+                    [R::new(sides.bits() as f64)]
+                })]
             }
             (_, "smaa_weights") => {
                 let weights = smaa::weights(made(&self.planes.smaa_edges));
-                vec![Plane::new("next_weights", [Scale::Range; 4], &weights, |[[a, b], [c, d]]| [a, b, c, d])]
+                vec![Plane::new(
+                    "next_weights",
+                    [Scale::Range; 4],
+                    &weights,
+                    |[[a, b], [c, d]]| [a, b, c, d],
+                )]
             }
             (_, "smaa_blend") => {
                 let weights = made(&self.planes.smaa_weights);
@@ -64,6 +72,14 @@ impl<R: Real> Twin<R> {
             }
             (_, "advect") => colors("advected", pixels.advected()),
             (_, "compensate") => colors("next_compensated", pixels.compensated()),
+            (_, "prefilter_rows") => {
+                let history = self.previous.as_ref().map(|previous| previous.history());
+                colors("coefficients", history.map(quasi_cubic::along_rows))
+            }
+            (_, "prefilter_columns") => {
+                let rows = self.planes.row_coefficients.as_ref();
+                colors("coefficients", rows.map(quasi_cubic::along_columns))
+            }
             (_, "difference") => colors("difference", pixels.difference()),
             (_, "difference_rows") => colors("rows", pixels.difference_rows()),
             (_, "moments_rows") => self.moments(&pixels.row_moments()),
@@ -99,6 +115,8 @@ impl<R: Real> Twin<R> {
             (_, "antialiased") => planes.antialiased = Some(plane.to_colors()),
             (_, "advected") => planes.advected = Some(plane.to_colors()),
             (_, "next_compensated") => planes.compensated = Some(plane.to_colors()),
+            ("prefilter_rows", "coefficients") => planes.row_coefficients = Some(plane.to_colors()),
+            (_, "coefficients") => planes.coefficients = Some(plane.to_colors()),
             (_, "difference") => planes.difference = Some(plane.to_colors()),
             (_, "rows") => planes.difference_rows = Some(plane.to_colors()),
             ("moments_rows", "means") => planes.row_moments.means = Some(plane.to_colors()),
