@@ -134,7 +134,10 @@ impl Readback {
         Ok(match (texture.format(), texture.texel_bytes()) {
             (wgpu::TextureFormat::Rgba16Float, _) => {
                 let texels = self.texels::<[u16; 4]>(slot, extent)?.into_flattened();
-                texels.into_iter().map(|bits| half::f16::from_bits(bits).to_f32()).collect()
+                texels
+                    .into_iter()
+                    .map(|bits| half::f16::from_bits(bits).to_f32())
+                    .collect()
             }
             (wgpu::TextureFormat::R32Uint, _) => {
                 let texels: Vec<u32> = self.texels(slot, extent)?;

@@ -6,7 +6,8 @@ mod prefilter;
 mod quasi_cubic;
 
 use super::{
-    Carried, Fault, Precision, Recipe, fault::planted, inputs::View, recipe::Sharpen, recorder::Recorder, sobel2018::Edges,
+    Carried, Fault, Precision, Recipe, fault::planted, inputs::View, recipe::Sharpen, recorder::Recorder,
+    sobel2018::Edges,
 };
 use crate::{
     gpu::{Gpu, GpuError, Pass, Texture},

@@ -1,6 +1,6 @@
 // FXAA 3.11, quality preset 39: where luma has an edge, walks along it to both of its ends and reads the colour up to half a
-// texel across it, the further the nearer the closer end is. Single texels that stand out are blurred as well.
-// Lottes, "FXAA", NVIDIA 2009 to 2011. The defaults of its quality settings. CPU twin: src/taa/reference/fxaa.rs.
+// texel across it, the farther the nearer an end is. Texels that stand out from their surroundings are blurred as well.
+// Lottes, "FXAA", NVIDIA 2009 to 2011, with the defaults of its quality settings. CPU twin: src/taa/reference/fxaa.rs.
 
 override WORKGROUP_X: u32 = 8u;
 override WORKGROUP_Y: u32 = 8u;
@@ -9,7 +9,7 @@ override WORKGROUP_Y: u32 = 8u;
 
 // How much of the sub-pixel blur is applied.
 const SUBPIXEL: f32 = 0.75;
-// Contrast that is an edge: a share of the brightest neighbour, but no less than the darkest that is seen.
+// The least contrast of an edge: this share of the brightest texel, but never less than the second number.
 const CONTRAST: f32 = 0.166;
 const CONTRAST_MIN: f32 = 0.0833;
 
@@ -52,7 +52,7 @@ fn contrast_of(l: Lumas) -> f32 {
     return select(0.0, contrast, contrast >= max(CONTRAST_MIN, CONTRAST * brightest));
 }
 
-// Of the 3×3's second derivatives, those down the columns are the stronger.
+// Whether luma bends more down the columns of the 3×3 than along its rows.
 fn is_horizontal(l: Lumas) -> bool {
     let nw = l.corners.x;
     let ne = l.corners.y;
@@ -74,14 +74,14 @@ fn subpixel_offset(l: Lumas, contrast: f32) -> f32 {
     return SUBPIXEL * share * share;
 }
 
-// One of the two texel rows' border that runs nearest to the texel.
+// The border between two rows or columns of texels that an edge follows.
 struct Edge {
-    // Along the edge, and across it to the other row.
+    // Along the border, and across it from the texel to the other side.
     along: vec2i,
     across: vec2i,
-    // Luma on the border beside the texel.
+    // Luma on the border beside the texel: the mean of both sides, as everywhere along it.
     luma: f32,
-    // The change of luma along the border that ends the edge.
+    // An edge ends where that has changed by so much.
     end: f32,
 }
 

@@ -9,7 +9,7 @@ override WORKGROUP_Y: u32 = 8u;
 
 // The least luma difference of an edge, of the preset ultra.
 const THRESHOLD: f32 = 0.05;
-// An edge beside one of more than so many times its contrast is none.
+// An edge beside another of more than so many times its contrast is none.
 const LOCAL_CONTRAST: f32 = 2.0;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)

@@ -1,5 +1,5 @@
-// SMAA, second pass: follows the line of edges that a pixel is on to both of its ends. What crosses it there tells the line
-// that was sampled, and that how much the pixels on its two sides cover of each other.
+// SMAA, second pass: follows the line of edges that a pixel is on to both of its ends. What crosses it there tells which line
+// was sampled, and so how much the pixels on its two sides cover of each other.
 // Jimenez et al., "SMAA: Enhanced Subpixel Morphological Antialiasing", 2012, section 3; the preset ultra.
 // CPU twin: src/taa/reference/smaa.rs.
 

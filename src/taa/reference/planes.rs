@@ -151,7 +151,7 @@ pub struct Planes<R> {
     /// History carried along the motion, and history with half of what that and the way back lose of it.
     pub advected: Option<Image<Color<R>>>,
     pub compensated: Option<Image<Color<R>>>,
-    /// Of history, for the filter `quasi_cubic`.
+    /// Of history for `quasi_cubic`, along its rows and then along its columns.
     pub row_coefficients: Option<Image<Color<R>>>,
     pub coefficients: Option<Image<Color<R>>>,
     /// History less current colour, and its means over rows of 7.

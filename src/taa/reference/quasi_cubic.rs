@@ -29,11 +29,11 @@ const MARGIN: usize = 2;
 /// So far away nothing of a texel is left in f64.
 const FORGOTTEN: usize = 40;
 
-/// The coefficients along the rows of an image, for [`MARGIN`] texels beyond their ends as well; beyond those the image
-/// continues as its nearest edge texel.
+/// The coefficients of each row, for [`MARGIN`] texels beyond the edges as well; there the image continues as its nearest edge
+/// texel.
 pub fn along_rows<R: Real>(image: &Image<Color<R>>) -> Image<Color<R>> {
-    let padding = FORGOTTEN + MARGIN;
     let Extent { width, height } = image.extent();
+    let padding = FORGOTTEN + MARGIN;
     let rows: Vec<Vec<Color<R>>> = (0..height)
         .map(|y| {
             let padded = (0..width as usize + 2 * padding).map(|i| image.clamped(i as i64 - padding as i64, y.into()));
@@ -44,18 +44,12 @@ pub fn along_rows<R: Real>(image: &Image<Color<R>>) -> Image<Color<R>> {
     Image::from_fn(extent, |x, y| rows[y as usize][x as usize + FORGOTTEN])
 }
 
-/// The same along columns.
-pub fn along_columns<R: Real>(image: &Image<Color<R>>) -> Image<Color<R>> {
-    transposed(&along_rows(&transposed(image)))
+/// The second half of finding coefficients: of those along rows, those of the image.
+pub fn along_columns<R: Real>(rows: &Image<Color<R>>) -> Image<Color<R>> {
+    transposed(&along_rows(&transposed(rows)))
 }
 
-/// The coefficients of an image.
-#[cfg(test)]
-pub fn coefficients<R: Real>(image: &Image<Color<R>>) -> Image<Color<R>> {
-    along_columns(&along_rows(image))
-}
-
-/// The kernel over the coefficients. May be negative.
+/// The kernel over an image's coefficients. May be negative.
 pub fn sample<R: Real>(coefficients: &Image<Color<R>>, position: Position<R>) -> Color<R> {
     let margin = R::new(MARGIN as f64);
     let position = position.map(|s| s + margin);
@@ -109,6 +103,10 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
+    fn coefficients(image: &Image<Color<f64>>) -> Image<Color<f64>> {
+        along_columns(&along_rows(image))
+    }
+
     #[test]
     fn cubic_polynomials_come_back_as_they_were() {
         let polynomial = |x: f64, y: f64| {
@@ -127,7 +125,7 @@ mod tests {
         }
         // It is no interpolator: detail at the limit of the grid is not kept even where it was sampled.
         let stripes = Image::from_fn(Extent::new(129, 1), |x, _| Color::splat(f64::from(x % 2)));
-        let found = sample(&super::coefficients(&stripes), [64.5, 0.5]).0[0];
+        let found = sample(&self::coefficients(&stripes), [64.5, 0.5]).0[0];
         let expected = 0.5 - 0.5 * (1.0 - 4.0 * (1.0 / 6.0 + LAMBDA)) / (1.0 - 4.0 * D1);
         assert!(
             (found - expected).abs() < 1e-10 && found > 0.05,

@@ -2,7 +2,7 @@
 //! a line in both tables.
 
 use super::{
-    Pixels, Previous, Twin, color,
+    Pixels, Twin, color,
     color::Color,
     fxaa,
     planes::{Left, Moments, Plane, Scale, made},
@@ -47,11 +47,18 @@ impl<R: Real> Twin<R> {
             (_, "fxaa") => colors("antialiased", Some(fxaa::antialiased(pixels.color, light))),
             (_, "smaa_edges") => {
                 let edges = smaa::edges(pixels.color);
-                vec![Plane::new("next_edges", [Scale::Range], &edges, |sides| [R::new(sides.bits() as f64)])]
+                vec![Plane::new("next_edges", [Scale::Range], &edges, |sides| {
+                    [R::new(sides.bits() as f64)]
+                })]
             }
             (_, "smaa_weights") => {
                 let weights = smaa::weights(made(&self.planes.smaa_edges));
-                vec![Plane::new("next_weights", [Scale::Range; 4], &weights, |[[a, b], [c, d]]| [a, b, c, d])]
+                vec![Plane::new(
+                    "next_weights",
+                    [Scale::Range; 4],
+                    &weights,
+                    |[[a, b], [c, d]]| [a, b, c, d],
+                )]
             }
             (_, "smaa_blend") => {
                 let weights = made(&self.planes.smaa_weights);
@@ -66,11 +73,11 @@ impl<R: Real> Twin<R> {
             (_, "advect") => colors("advected", pixels.advected()),
             (_, "compensate") => colors("next_compensated", pixels.compensated()),
             (_, "prefilter_rows") => {
-                let history = self.previous.as_ref().map(Previous::history);
+                let history = self.previous.as_ref().map(|previous| previous.history());
                 colors("coefficients", history.map(quasi_cubic::along_rows))
             }
             (_, "prefilter_columns") => {
-                let rows = self.previous.as_ref().map(|_| made(&self.planes.row_coefficients));
+                let rows = self.planes.row_coefficients.as_ref();
                 colors("coefficients", rows.map(quasi_cubic::along_columns))
             }
             (_, "difference") => colors("difference", pixels.difference()),
