@@ -32,6 +32,9 @@ pub struct Inputs {
     pub(super) motion: Texture,
     pub(super) reactive: Texture,
     prepared: BTreeMap<Preparation, Prepared>,
+    /// Bound where a recipe does not read what another would.
+    nothing: Texture,
+    no_ids: Texture,
 }
 
 /// A colour in a working domain.
@@ -92,6 +95,8 @@ impl Inputs {
                 reactive: if_read(channels.reactive, "reactive mask", TextureFormat::R32Float),
                 albedo: if_read(channels.albedo, "albedo", TextureFormat::Rgba32Float),
                 prepared,
+                nothing: Texture::new(gpu, "nothing", Extent::new(1, 1), TextureFormat::Rgba32Float),
+                no_ids: Texture::new(gpu, "no ids", Extent::new(1, 1), TextureFormat::R32Uint),
             }
         })
     }
@@ -173,27 +178,49 @@ impl Inputs {
     /// Starts an invocation of a recipe's pass by binding what every such pass may read
     /// (`shaders/taa/temporal/recipe.wgsl`).
     pub(super) fn bind_to<'a>(&'a self, pass: &'a Pass, recipe: &Recipe) -> Invocation<'a> {
-        let [x, y] = self.jitter_px;
-        let Extent { width, height } = self.sizes.output;
-        pass.start()
+        let previous_depth = match recipe.reads_previous_depth() {
+            true => self.depth.previous(),
+            false => &self.nothing,
+        };
+        let previous_ids = match recipe.reject_id {
+            true => self.object_id.previous(),
+            false => &self.no_ids,
+        };
+        self.bind_frame_to(pass)
             .offer("color", &self.prepared[&recipe.preparation()].color)
             .offer("depth", self.depth.current())
-            .offer("previous_depth", self.depth.previous())
+            .offer("previous_depth", previous_depth)
             .offer("object_id", self.object_id.current())
-            .offer("previous_object_id", self.object_id.previous())
+            .offer("previous_object_id", previous_ids)
             .offer("motion", &self.motion)
-            .offer_uniform(
-                "frame",
-                &[
-                    ("input_weights_x", InputFilter::axis_weights(x).map(|w| w as f32).into()),
-                    ("input_weights_y", InputFilter::axis_weights(y).map(|w| w as f32).into()),
-                    ("jitter_px", [x as f32, y as f32].into()),
-                    ("has_history", u32::from(self.has_history).into()),
-                    ("far", self.far.into()),
-                    ("parity", self.parity.into()),
-                    ("output_size", [width as f32, height as f32].into()),
-                ],
-            )
+    }
+
+    /// The same for a pass that looks at none of the frame's images.
+    pub(super) fn bind_no_image_to<'a>(&'a self, pass: &'a Pass) -> Invocation<'a> {
+        let images = ["color", "depth", "previous_depth", "motion"];
+        let ids = ["object_id", "previous_object_id"];
+        let bound = self.bind_frame_to(pass);
+        let bound = images
+            .iter()
+            .fold(bound, |bound, name| bound.offer(name, &self.nothing));
+        ids.iter().fold(bound, |bound, name| bound.offer(name, &self.no_ids))
+    }
+
+    fn bind_frame_to<'a>(&'a self, pass: &'a Pass) -> Invocation<'a> {
+        let [x, y] = self.jitter_px;
+        let Extent { width, height } = self.sizes.output;
+        pass.start().offer_uniform(
+            "frame",
+            &[
+                ("input_weights_x", InputFilter::axis_weights(x).map(|w| w as f32).into()),
+                ("input_weights_y", InputFilter::axis_weights(y).map(|w| w as f32).into()),
+                ("jitter_px", [x as f32, y as f32].into()),
+                ("has_history", u32::from(self.has_history).into()),
+                ("far", self.far.into()),
+                ("parity", self.parity.into()),
+                ("output_size", [width as f32, height as f32].into()),
+            ],
+        )
     }
 
     fn color_of(&self, source: Source) -> &Texture {

@@ -31,7 +31,7 @@ pub struct UnknownPreset {
 }
 
 /// What the presets share unless they say otherwise.
-const BASE: Recipe = Recipe {
+pub(super) const BASE: Recipe = Recipe {
     algorithm: Algorithm::Temporal,
     phlm_printed: false,
     source: Source::Color,

@@ -133,6 +133,8 @@ impl Temporal {
             .transpose()?;
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
+        // What is stored beyond a texture's edge is dropped.
+        let kept = if recipe.uses_history() { extent } else { unused };
         gpu.scope("making room for history", || Self {
             compensation,
             difference,
@@ -140,7 +142,7 @@ impl Temporal {
             edges,
             resolve,
             sharpen: sharpen.map(|pass| (pass, builder.color("resolved", extent))),
-            history: Carried::new(gpu, "history", extent, builder.history_format()),
+            history: Carried::new(gpu, "history", kept, builder.history_format()),
             n_samples: Carried::new(gpu, "samples", counted, TextureFormat::R32Float),
             nothing: Texture::new(gpu, "nothing", unused, TextureFormat::Rgba32Float),
         })
@@ -191,8 +193,11 @@ impl Temporal {
             .over(recorder.gpu, inputs.sizes().output)?;
         recorder.record(&resolve)?;
         if let Some((sharpen, resolved)) = &self.sharpen {
-            let sharpen = inputs
-                .bind_to(sharpen, recipe)
+            let bound = match recipe.motion_blur {
+                true => inputs.bind_to(sharpen, recipe),
+                false => inputs.bind_no_image_to(sharpen),
+            };
+            let sharpen = bound
                 .bind("resolved", resolved)
                 .bind("shown", shown)
                 .over(recorder.gpu, inputs.sizes().output)?;

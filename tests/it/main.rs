@@ -5,6 +5,7 @@ mod api;
 mod bad_input;
 mod checkerboard;
 mod cli;
+mod documentation;
 mod golden;
 mod gpu_sequences;
 mod gpu_vs_reference;

@@ -305,7 +305,11 @@ impl Watch for Covered<'_> {
 fn a_clean_adapter_agrees_for_64_frames_with_a_reset() {
     for preset in &PRESETS {
         let found = validated(&preset.recipe, Precision::F32, scene(SIZES[0]), None, None);
-        assert!(found.agrees && found.first_fault().is_none(), "{}: {found:?}", preset.id);
+        assert!(
+            found.agrees && found.first_fault().is_none(),
+            "{}: {found:?}",
+            preset.id
+        );
         assert_eq!(found.frames.len(), 64);
     }
 }

@@ -1,10 +1,11 @@
 //! The variants of every block of the temporal pipeline. Their JSON names are what a job writes; their order is the number
 //! that the shaders' constants have.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What resolves a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
     /// Blends a rectified history.
@@ -16,7 +17,7 @@ pub enum Algorithm {
 }
 
 /// Which texel's motion vector a pixel uses, over the 3×3 around it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Dilation {
     /// Its own.
@@ -28,7 +29,7 @@ pub enum Dilation {
 }
 
 /// How the current colour is read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputFilter {
     /// The texel as it is.
@@ -43,7 +44,7 @@ pub enum InputFilter {
 }
 
 /// How history is read at the reprojected position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HistoryFilter {
     /// No history: each frame stands alone.
@@ -62,7 +63,7 @@ pub enum HistoryFilter {
 }
 
 /// The colour space of box and rectification.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Space {
     /// Red, green, blue.
@@ -72,7 +73,7 @@ pub enum Space {
 }
 
 /// The colour box of the current neighbourhood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Neighbourhood {
     /// No box.
@@ -92,7 +93,7 @@ pub enum Neighbourhood {
 }
 
 /// What is done to history outside the box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rectify {
     /// Nothing.
@@ -108,7 +109,7 @@ pub enum Rectify {
 }
 
 /// How the weight of the current colour is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Weight {
     /// `current_weight`.
@@ -131,7 +132,7 @@ impl Weight {
 }
 
 /// Whether bright colours count less in the blend.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HdrWeight {
     /// They do not.
@@ -141,7 +142,7 @@ pub enum HdrWeight {
 }
 
 /// The domain in which colours are compared, blended and stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Domain {
     /// Linear, as the engine wrote it.
@@ -151,7 +152,7 @@ pub enum Domain {
 }
 
 /// How the shown image is sharpened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sharpen {
     /// Not at all.

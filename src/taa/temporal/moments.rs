@@ -15,6 +15,8 @@ pub struct Moments {
     along_columns: Pass,
     rows: Distribution,
     windows: Distribution,
+    /// Bound to the pass over rows, which starts from the frame's colour.
+    nothing: Texture,
 }
 
 #[derive(Debug)]
@@ -39,17 +41,17 @@ impl Moments {
             along_columns,
             rows: distribution(),
             windows: distribution(),
+            nothing: builder.color("nothing", Extent::new(1, 1)),
         })
     }
 
     pub fn record(&self, recorder: &mut Recorder<'_>, recipe: &Recipe, inputs: &Inputs) -> Result<(), GpuError> {
         let Extent { width, height } = inputs.sizes().render;
         let n = recipe.variance_window;
-        // The pass over rows reads none, but a texture that is written may not be bound for reading as well.
         let rows = inputs
             .bind_to(&self.along_rows, recipe)
-            .bind("row_means", &self.windows.means)
-            .bind("row_variances", &self.windows.variances)
+            .bind("row_means", &self.nothing)
+            .bind("row_variances", &self.nothing)
             .bind("means", &self.rows.means)
             .bind("variances", &self.rows.variances)
             .over(recorder.gpu, Extent::new(width.div_ceil(n), height))?;
