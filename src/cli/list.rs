@@ -4,15 +4,18 @@ use super::{print, table};
 use afterimage::{
     gpu,
     metrics::{Listing, Metric},
-    taa::PRESETS,
+    taa::{
+        PRESETS,
+        recipe::{Kind, parameters},
+    },
 };
 use clap::ValueEnum;
 use serde::Serialize;
 
-/// Show the presets, metrics or adapters there are
+/// Show the presets, their parameters, the metrics or the adapters there are
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  afterimage list presets\n  afterimage list metrics --json\n  afterimage list adapters"
+    after_help = "Examples:\n  afterimage list presets\n  afterimage list parameters\n  afterimage list metrics --json\n  afterimage list adapters"
 )]
 pub struct Arguments {
     /// What to show
@@ -25,6 +28,7 @@ pub struct Arguments {
 #[derive(Clone, Copy, ValueEnum)]
 enum What {
     Presets,
+    Parameters,
     Metrics,
     Adapters,
 }
@@ -43,6 +47,32 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
                 ]
             },
         )?,
+        What::Parameters => {
+            show(
+                arguments.json,
+                parameters(),
+                &["parameter", "values", "unit", "default", "description"],
+                |parameter| {
+                    let values = match &parameter.kind {
+                        Kind::Flag => "true, false".to_owned(),
+                        Kind::Choice { values } => {
+                            let names: Vec<_> = values.iter().map(|value| value.name.as_str()).collect();
+                            names.join(", ")
+                        }
+                        Kind::Integer(range) | Kind::Number(range) => range.to_string(),
+                    };
+                    let default = parameter.default.to_string();
+                    let text = [
+                        &parameter.name,
+                        &values,
+                        parameter.unit.as_deref().unwrap_or_default(),
+                        default.trim_matches('"'),
+                        &parameter.description,
+                    ];
+                    text.map(str::to_owned).to_vec()
+                },
+            )?;
+        }
         What::Metrics => {
             show(
                 arguments.json,

@@ -34,12 +34,16 @@ pub struct Inputs {
     motion: Texture,
     reactive: Texture,
     prepared: BTreeMap<Preparation, Prepared>,
+    /// Bound where a recipe does not read what another would.
+    nothing: Texture,
+    no_ids: Texture,
 }
 
 /// A frame as the passes of one recipe see it.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     inputs: &'a Inputs,
+    recipe: &'a Recipe,
     /// In the recipe's domain.
     color: &'a Texture,
 }
@@ -106,6 +110,8 @@ impl Inputs {
                 reactive: if_read(channels.reactive, "reactive mask", TextureFormat::R32Float),
                 albedo: if_read(channels.albedo, "albedo", TextureFormat::Rgba32Float),
                 prepared,
+                nothing: Texture::new(gpu, "nothing", Extent::new(1, 1), TextureFormat::Rgba32Float),
+                no_ids: Texture::new(gpu, "no ids", Extent::new(1, 1), TextureFormat::R32Uint),
             }
         })
     }
@@ -183,9 +189,10 @@ impl Inputs {
     }
 
     /// The frame as the passes of `recipe` see it.
-    pub(super) fn view(&self, recipe: &Recipe) -> View<'_> {
+    pub(super) fn view<'a>(&'a self, recipe: &'a Recipe) -> View<'a> {
         View {
             inputs: self,
+            recipe,
             color: &self.prepared[&recipe.preparation()].color,
         }
     }
@@ -215,20 +222,47 @@ impl<'a> View<'a> {
         self.inputs.sizes
     }
 
+    pub fn recipe(self) -> &'a Recipe {
+        self.recipe
+    }
+
     /// Starts an invocation of a recipe's pass by binding what every such pass may read
     /// (`shaders/taa/temporal/recipe.wgsl`).
     pub fn bind_to(self, pass: &'a Pass) -> Invocation<'a> {
         let inputs = self.inputs;
+        let previous_depth = match self.recipe.reads_previous_depth() {
+            true => inputs.depth.previous(),
+            false => &inputs.nothing,
+        };
+        let previous_ids = match self.recipe.reject_id {
+            true => inputs.object_id.previous(),
+            false => &inputs.no_ids,
+        };
+        self.bind_frame_to(pass)
+            .offer("color", self.color)
+            .offer("depth", inputs.depth.current())
+            .offer("previous_depth", previous_depth)
+            .offer("object_id", inputs.object_id.current())
+            .offer("previous_object_id", previous_ids)
+            .offer("motion", &inputs.motion)
+            .offer("reactive_mask", &inputs.reactive)
+    }
+
+    /// The same for a pass that looks at none of the frame's images.
+    pub fn bind_no_image_to(self, pass: &'a Pass) -> Invocation<'a> {
+        let Inputs { nothing, no_ids, .. } = self.inputs;
+        let images = ["color", "depth", "previous_depth", "motion", "reactive_mask"];
+        let ids = ["object_id", "previous_object_id"];
+        let bound = self.bind_frame_to(pass);
+        let bound = images.iter().fold(bound, |bound, name| bound.offer(name, nothing));
+        ids.iter().fold(bound, |bound, name| bound.offer(name, no_ids))
+    }
+
+    fn bind_frame_to(self, pass: &'a Pass) -> Invocation<'a> {
+        let inputs = self.inputs;
         let [x, y] = inputs.jitter_px;
         let Extent { width, height } = inputs.sizes.output;
         pass.start()
-            .offer("color", self.color)
-            .offer("depth", inputs.depth.current())
-            .offer("previous_depth", inputs.depth.previous())
-            .offer("object_id", inputs.object_id.current())
-            .offer("previous_object_id", inputs.object_id.previous())
-            .offer("motion", &inputs.motion)
-            .offer("reactive_mask", &inputs.reactive)
             .offer_uniform("display", &inputs.display_fields())
             .offer_uniform(
                 "frame",

@@ -30,6 +30,7 @@ pub use resolver::Resolver;
 use crate::sequence::Channels;
 use carried::Carried;
 use recipe::{Algorithm, Dilation, Domain, HistoryFilter, Neighbourhood, Weight};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How history is stored between frames.
@@ -44,7 +45,7 @@ pub enum Precision {
 }
 
 /// Which colour a recipe resolves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     /// The frame's colour.
@@ -105,6 +106,11 @@ impl Recipe {
     /// Whether its weight depends on how far history is from the current colour around a pixel.
     fn finds_differences(&self) -> bool {
         self.uses_history() && self.weight == Weight::Amortized
+    }
+
+    /// Whether the depth of the frame before tells it anything.
+    fn reads_previous_depth(&self) -> bool {
+        self.uses_history() && self.reject_depth || self.finds_edges()
     }
 
     /// How its history is stored where the job asks for `precision`.

@@ -34,7 +34,7 @@ pub struct UnknownPreset {
 }
 
 /// What the presets share unless they say otherwise.
-const BASE: Recipe = Recipe {
+pub(super) const BASE: Recipe = Recipe {
     algorithm: Algorithm::Temporal,
     phlm_printed: false,
     source: Source::Color,
@@ -295,6 +295,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "fxaa",
         description: "Each frame alone: blurs along and across the edges that luma shows",
         publication: "Lottes, FXAA 3.11, NVIDIA 2011, quality preset 39",
+        jitter: JitterSequence::None,
         recipe: Recipe {
             spatial: Spatial::Fxaa,
             ..SPATIAL
@@ -304,6 +305,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "smaa",
         description: "Each frame alone: finds the lines that its edges stand for, and blends by the areas they cut off",
         publication: "Jimenez et al., SMAA: Enhanced Subpixel Morphological Antialiasing, 2012, preset ultra",
+        jitter: JitterSequence::None,
         recipe: Recipe {
             spatial: Spatial::Smaa,
             ..SPATIAL
@@ -313,6 +315,7 @@ pub const PRESETS: [Preset; 19] = [
         id: "smaa_t2x",
         description: "SMAA of every frame, half and half with history",
         publication: "Jimenez et al., SMAA, 2012; Jimenez, Filmic SMAA, SIGGRAPH 2016",
+        jitter: JitterSequence::Quincunx2,
         recipe: Recipe {
             spatial: Spatial::Smaa,
             source: Source::Color,

@@ -1,8 +1,10 @@
 //! A recipe: the parameters of the temporal pipeline. Published systems are recipes ([`super::Preset`]); a job may
 //! override any parameter by its name here, which is also the name of the override in
-//! `shaders/taa/temporal/recipe.wgsl`.
+//! `shaders/taa/temporal/recipe.wgsl`. What a parameter means, its unit and its range stand beside it and nowhere else
+//! ([`parameters`]).
 
 mod blocks;
+mod parameters;
 mod rules;
 
 pub use blocks::{
@@ -10,32 +12,35 @@ pub use blocks::{
     Spatial, Weight,
 };
 
+pub use parameters::{Choice, Kind, Parameter, Range, parameters};
+
 use super::Source;
 use crate::sequence::Sizes;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Every parameter of the temporal pipeline.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// See [`Algorithm`].
+    /// What resolves a frame.
     pub algorithm: Algorithm,
     /// With `phlm2016`, refresh the feature by the formula as printed, a power too high and without a floor.
     pub phlm_printed: bool,
     /// Which colour is resolved.
     pub source: Source,
-    /// See [`Domain`].
+    /// The domain in which colours are compared, blended and stored.
     pub domain: Domain,
-    /// See [`Spatial`].
+    /// Anti-aliasing of each frame by itself, before everything else.
     pub spatial: Spatial,
     /// Decode the sRGB of the domain `display` before a spatial filter mixes colours and encode after, as a sampler of an sRGB
     /// texture does.
     pub spatial_decodes: bool,
-    /// See [`Dilation`].
+    /// Which texel's motion vector a pixel uses, over the 3×3 around it.
     pub dilation: Dilation,
-    /// See [`InputFilter`].
+    /// How the current colour is read.
     pub input_filter: InputFilter,
-    /// See [`HistoryFilter`].
+    /// How history is read at the reprojected position.
     pub history_filter: HistoryFilter,
     /// Look history up where the motion vector points; otherwise in the same pixel.
     pub reproject: bool,
@@ -43,53 +48,63 @@ pub struct Recipe {
     pub history_always_f32: bool,
     /// Clamp filtered history to the 4 texels around the position.
     pub deringing: bool,
-    /// See [`Space`].
+    /// The colour space of box and rectification.
     pub space: Space,
-    /// See [`Neighbourhood`].
+    /// The colour box of the current neighbourhood.
     pub neighbourhood: Neighbourhood,
     /// Make the chroma of a `ycocg` box an eighth of its luma range to either side of the current colour's.
     pub chroma_from_luma: bool,
     /// Read the box's texels at the jitter-free grid, bilinearly.
     pub unjitter_neighbourhood: bool,
-    /// Side of the variance box's window, texels: odd, 3 to 31.
+    /// Side of the variance box's window.
+    #[schemars(extend("unit" = "texels", "odd" = true), range(min = 3, max = 31))]
     pub variance_window: u32,
-    /// Half extent of the variance box in standard deviations, above 0.
+    /// Half extent of the variance box.
+    #[schemars(extend("unit" = "standard deviations", "exclusiveMinimum" = 0.0), range(max = 100.0))]
     pub variance_gamma: f64,
     /// Find mean and deviation in two passes whose cost does not depend on the window.
     pub prefilter_moments: bool,
     /// Intersect the variance box with the 3×3 minimum and maximum.
     pub intersect_minmax: bool,
-    /// See [`Rectify`].
+    /// What is done to history outside the box.
     pub rectify: Rectify,
     /// Treat history as absent where the previous depth does not fit.
     pub reject_depth: bool,
-    /// The largest difference of depth that still fits, as a share of the depth expected; above 0, at most 1.
+    /// The largest difference of depth that still fits, as a share of the depth expected.
+    #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1.0))]
     pub reject_depth_tolerance: f64,
     /// Treat history as absent where it is of another object.
     pub reject_id: bool,
-    /// See [`Weight`].
+    /// How the weight of the current colour is found.
     pub weight: Weight,
-    /// Weight of the current colour where `weight` is `fixed`, above 0, at most 1.
+    /// Weight of the current colour where `weight` is `fixed`.
+    #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1.0))]
     pub current_weight: f64,
-    /// Weight of history where its luma differs most, 0 to 1, for `luma_feedback`.
+    /// Weight of history where its luma differs most, for `luma_feedback`.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub luma_feedback_lo: f64,
-    /// Weight of history where its luma agrees, 0 to 1, for `luma_feedback`.
+    /// Weight of history where its luma agrees, for `luma_feedback`.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub luma_feedback_hi: f64,
-    /// The smallest weight of `count`, 0 to 1.
+    /// The smallest weight of `count`.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub count_weight_min: f64,
     /// Raise the weight to the sequence's reactive mask.
     pub reactive: bool,
     /// Raise the weight with motion.
     pub motion_weight: bool,
-    /// Motion at which the weight begins to rise, pixels.
+    /// Motion at which the weight begins to rise.
+    #[schemars(extend("unit" = "px"), range(min = 0.0, max = 1e6))]
     pub motion_weight_from_px: f64,
-    /// Motion at which the weight reaches 1, pixels.
+    /// Motion at which the weight reaches 1; above `motion_weight_from_px`.
+    #[schemars(extend("unit" = "px", "exclusiveMinimum" = 0.0), range(max = 1e6))]
     pub motion_weight_to_px: f64,
-    /// See [`HdrWeight`].
+    /// Whether bright colours count less in the blend.
     pub hdr_weight: HdrWeight,
-    /// See [`Sharpen`].
+    /// How the shown image is sharpened.
     pub sharpen: Sharpen,
-    /// How much of the kernel's effect, 0 to 1.
+    /// How much of the kernel's effect.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub sharpen_strength: f64,
     /// Show fast pixels blurred along their motion instead of resolved.
     pub motion_blur: bool,
@@ -167,9 +182,17 @@ impl Recipe {
     }
 
     fn validate(&self) -> Result<(), RecipeError> {
-        let broken = rules::ranges(self)
+        let fields = self.to_fields();
+        for parameter in parameters() {
+            parameter
+                .check(&fields[&parameter.name])
+                .map_err(|message| RecipeError {
+                    field: parameter.name.clone(),
+                    message,
+                })?;
+        }
+        let broken = rules::combinations(self)
             .into_iter()
-            .chain(rules::combinations(self))
             .chain(rules::algorithms(self))
             .find(|(holds, ..)| !holds);
         match broken {

@@ -134,6 +134,8 @@ impl Temporal {
             .transpose()?;
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
+        // What is stored beyond a texture's edge is dropped.
+        let kept = if recipe.uses_history() { extent } else { unused };
         gpu.scope("making room for history", || Self {
             prefilter,
             difference,
@@ -141,7 +143,7 @@ impl Temporal {
             edges,
             resolve,
             sharpen: sharpen.map(|pass| (pass, builder.color("resolved", extent))),
-            history: Carried::new(gpu, "history", extent, builder.history_format()),
+            history: Carried::new(gpu, "history", kept, builder.history_format()),
             n_samples: Carried::new(gpu, "samples", counted, TextureFormat::R32Float),
             nothing: Texture::new(gpu, "nothing", unused, TextureFormat::Rgba32Float),
         })
@@ -184,8 +186,11 @@ impl Temporal {
             .over(recorder.gpu, view.sizes().output)?;
         recorder.record(&resolve)?;
         if let Some((sharpen, resolved)) = &self.sharpen {
-            let sharpen = view
-                .bind_to(sharpen)
+            let bound = match view.recipe().motion_blur {
+                true => view.bind_to(sharpen),
+                false => view.bind_no_image_to(sharpen),
+            };
+            let sharpen = bound
                 .bind("resolved", resolved)
                 .bind("shown", shown)
                 .over(recorder.gpu, view.sizes().output)?;

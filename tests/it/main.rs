@@ -6,6 +6,7 @@ mod bad_input;
 mod bake;
 mod checkerboard;
 mod cli;
+mod documentation;
 mod golden;
 mod gpu_sequences;
 mod gpu_vs_reference;

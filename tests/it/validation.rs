@@ -72,9 +72,46 @@ fn only_in(index: usize) -> String {
 /// One for every pass there is.
 fn faults() -> Vec<Planted> {
     let bfecc = || recipe("ema", r#"{"history_filter": "bfecc"}"#);
+    let quasi_cubic = || recipe("ema", r#"{"history_filter": "quasi_cubic"}"#);
     let plain = |preset| recipe(preset, "{}");
     let late = only_in(5);
     vec![
+        planted(
+            plain("fxaa"),
+            "fxaa",
+            "vec4f(rgb, c.a)",
+            &format!("vec4f({late} * rgb, c.a)"),
+            5,
+        ),
+        planted(
+            plain("smaa"),
+            "smaa_edges",
+            ">= vec2f(THRESHOLD)",
+            ">= vec2f(2.0 * THRESHOLD)",
+            0,
+        ),
+        planted(plain("smaa"), "smaa_weights", "return area *", "return 0.9 * area *", 0),
+        planted(
+            plain("smaa"),
+            "smaa_blend",
+            "vec4f(rgb, c.a)",
+            &format!("vec4f({late} * rgb, c.a)"),
+            5,
+        ),
+        planted(
+            quasi_cubic(),
+            "prefilter_rows",
+            "GAIN * GAIN * y",
+            "0.9 * GAIN * GAIN * y",
+            1,
+        ),
+        planted(
+            quasi_cubic(),
+            "prefilter_columns",
+            "GAIN * GAIN * y",
+            "0.9 * GAIN * GAIN * y",
+            1,
+        ),
         planted(plain("ema"), "prepare", "F16_MAX, too_large", "100.0, too_large", 4),
         planted(bfecc(), "advect", "+ 0.5 + usable", "+ 0.25 + usable", 1),
         planted(bfecc(), "compensate", "0.5 * (h - back)", "0.3 * (h - back)", 1),
@@ -171,7 +208,8 @@ fn a_fault_is_found_by_pass_and_first_frame() {
 fn every_pass_has_its_fault() {
     let faults: BTreeSet<_> = faults().iter().map(|planted| planted.pass).collect();
     let recipes = PRESETS.iter().map(|preset| preset.recipe.clone());
-    for recipe in recipes.chain([recipe("ema", r#"{"history_filter": "bfecc"}"#)]) {
+    let filters = ["bfecc", "quasi_cubic"].map(|filter| recipe("ema", &format!(r#"{{"history_filter": "{filter}"}}"#)));
+    for recipe in recipes.chain(filters) {
         for pass in recipe.passes() {
             assert!(faults.contains(pass), "no fault is planted in `{pass}`");
         }

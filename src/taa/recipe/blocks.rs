@@ -1,10 +1,11 @@
 //! The variants of every block of the temporal pipeline. Their JSON names are what a job writes; their order is the number
 //! that the shaders' constants have.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What resolves a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
     /// Blends a rectified history.
@@ -16,7 +17,7 @@ pub enum Algorithm {
 }
 
 /// How each frame is anti-aliased by itself, before anything else reads its colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Spatial {
     /// Not at all.
@@ -28,7 +29,7 @@ pub enum Spatial {
 }
 
 /// Which texel's motion vector a pixel uses, over the 3×3 around it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Dilation {
     /// Its own.
@@ -40,7 +41,7 @@ pub enum Dilation {
 }
 
 /// How the current colour is read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InputFilter {
     /// The texel as it is.
@@ -55,7 +56,7 @@ pub enum InputFilter {
 }
 
 /// How history is read at the reprojected position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HistoryFilter {
     /// No history: each frame stands alone.
@@ -83,7 +84,7 @@ impl HistoryFilter {
 }
 
 /// The colour space of box and rectification.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Space {
     /// Red, green, blue.
@@ -93,7 +94,7 @@ pub enum Space {
 }
 
 /// The colour box of the current neighbourhood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Neighbourhood {
     /// No box.
@@ -113,7 +114,7 @@ pub enum Neighbourhood {
 }
 
 /// What is done to history outside the box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rectify {
     /// Nothing.
@@ -129,7 +130,7 @@ pub enum Rectify {
 }
 
 /// How the weight of the current colour is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Weight {
     /// `current_weight`.
@@ -152,7 +153,7 @@ impl Weight {
 }
 
 /// Whether bright colours count less in the blend.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HdrWeight {
     /// They do not.
@@ -162,7 +163,7 @@ pub enum HdrWeight {
 }
 
 /// The domain in which colours are compared, blended and stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Domain {
     /// Linear, as the engine wrote it.
@@ -174,7 +175,7 @@ pub enum Domain {
 }
 
 /// How the shown image is sharpened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sharpen {
     /// Not at all.

@@ -1,4 +1,4 @@
-//! What a recipe's parameters must be: whether a rule holds, the parameter that breaks it, and what would be right.
+//! What a recipe's parameters must be beside their ranges: whether a rule holds, the parameter that breaks it, and what would be right.
 
 use super::{
     Algorithm, Dilation, Domain, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen, Space, Spatial,
@@ -7,52 +7,15 @@ use super::{
 
 type Rule = (bool, &'static str, &'static str);
 
-/// Of one number.
-pub fn ranges(recipe: &Recipe) -> Vec<Rule> {
-    let unit = |value: f64| (0.0..=1.0).contains(&value);
-    let window = recipe.variance_window;
-    vec![
-        (
-            window % 2 == 1 && (3..=31).contains(&window),
-            "variance_window",
-            "must be odd, 3 to 31",
-        ),
-        (
-            recipe.variance_gamma > 0.0 && recipe.variance_gamma <= 100.0,
-            "variance_gamma",
-            "must be above 0, at most 100",
-        ),
-        (
-            recipe.reject_depth_tolerance > 0.0 && recipe.reject_depth_tolerance <= 1.0,
-            "reject_depth_tolerance",
-            "must be above 0, at most 1",
-        ),
-        (
-            recipe.current_weight > 0.0 && recipe.current_weight <= 1.0,
-            "current_weight",
-            "must be above 0, at most 1",
-        ),
-        (unit(recipe.luma_feedback_lo), "luma_feedback_lo", "must be 0 to 1"),
-        (unit(recipe.luma_feedback_hi), "luma_feedback_hi", "must be 0 to 1"),
-        (unit(recipe.sharpen_strength), "sharpen_strength", "must be 0 to 1"),
-        (unit(recipe.count_weight_min), "count_weight_min", "must be 0 to 1"),
-        (
-            recipe.motion_weight_from_px >= 0.0,
-            "motion_weight_from_px",
-            "must be at least 0",
-        ),
-        (
-            recipe.motion_weight_to_px > recipe.motion_weight_from_px && recipe.motion_weight_to_px <= 1e6,
-            "motion_weight_to_px",
-            "must be above motion_weight_from_px, at most 1e6",
-        ),
-    ]
-}
-
 /// Of parameters together.
 pub fn combinations(recipe: &Recipe) -> Vec<Rule> {
     let has_box = recipe.neighbourhood != Neighbourhood::None;
     vec![
+        (
+            recipe.motion_weight_to_px > recipe.motion_weight_from_px,
+            "motion_weight_to_px",
+            "must be above motion_weight_from_px",
+        ),
         (
             !recipe.prefilter_moments
                 || recipe.neighbourhood == Neighbourhood::Variance && !recipe.unjitter_neighbourhood,

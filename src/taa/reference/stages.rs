@@ -165,7 +165,10 @@ impl<R: Real> Twin<R> {
     fn temporal(&self, pixels: &Pixels<'_, R>) -> Vec<Plane<R>> {
         let sampled = Image::from_fn(pixels.sizes.output, |x, y| pixels.resolve([x.into(), y.into()]));
         let resolved = sampled.map(|(color, _)| color);
-        let mut written = vec![self.next_history(&resolved)];
+        let mut written = Vec::new();
+        if self.recipe.uses_history() {
+            written.push(self.next_history(&resolved));
+        }
         if self.recipe.weight.counts() {
             written.push(Plane::new("next_n_samples", [Scale::Count], &sampled, |(_, n)| [n]));
         }

@@ -17,6 +17,8 @@ pub struct Moments {
     along_columns: Pass,
     rows: Distribution,
     windows: Distribution,
+    /// Bound to the pass over rows, which starts from the frame's colour.
+    nothing: Texture,
 }
 
 #[derive(Debug)]
@@ -42,17 +44,17 @@ impl Moments {
             along_columns,
             rows: distribution(),
             windows: distribution(),
+            nothing: builder.color("nothing", Extent::new(1, 1)),
         })
     }
 
     pub fn record(&self, recorder: &mut Recorder<'_>, view: View<'_>) -> Result<(), GpuError> {
         let Extent { width, height } = view.sizes().render;
         let n = self.window;
-        // The pass over rows reads none, but a texture that is written may not be bound for reading as well.
         let rows = view
             .bind_to(&self.along_rows)
-            .bind("row_means", &self.windows.means)
-            .bind("row_variances", &self.windows.variances)
+            .bind("row_means", &self.nothing)
+            .bind("row_variances", &self.nothing)
             .bind("means", &self.rows.means)
             .bind("variances", &self.rows.variances)
             .over(recorder.gpu, Extent::new(width.div_ceil(n), height))?;
