@@ -133,7 +133,7 @@ impl<'g> Renderer<'g> {
         let side = scene.shadows.map_or(1, |region| region.side);
         let depth = |side| Texture::target(gpu, "shadow map", Extent::new(side, side), RasterSpec::DEPTH_FORMAT);
         let (opaque, blended) = batches(&scene);
-        let made = gpu.scope("uploading a scene", || {
+        gpu.scope("uploading a scene", || {
             Ok::<_, GpuError>(Self {
                 gpu,
                 meshes: scene.meshes.iter().map(|mesh| upload(gpu, mesh)).collect(),
@@ -155,8 +155,7 @@ impl<'g> Renderer<'g> {
                 texturing,
                 scene,
             })
-        })?;
-        made
+        })?
     }
 
     /// Uploads frame `index`, whose motion is counted in pixels of `extent`, and draws its shadows.
