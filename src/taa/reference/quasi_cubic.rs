@@ -141,10 +141,10 @@ mod tests {
             let (shift, omega) = (f64::from(shift) / 50.0, PI * f64::from(step) / 200.0);
             let (mut re, mut im) = (0.0, 0.0);
             for (tap, weight) in (-1..3).zip(weights(shift)) {
-                re += weight * (omega * f64::from(tap)).cos();
-                im += weight * (omega * f64::from(tap)).sin();
+                re += weight * libm::cos(omega * f64::from(tap));
+                im += weight * libm::sin(omega * f64::from(tap));
             }
-            let p = D0 + 2.0 * D1 * omega.cos() + 2.0 * D2 * (2.0 * omega).cos();
+            let p = D0 + 2.0 * D1 * libm::cos(omega) + 2.0 * D2 * libm::cos(2.0 * omega);
             largest = largest.max((re * re + im * im).sqrt() / p);
         }
         assert!((0.999..=1.0 + 1e-12).contains(&largest), "{largest}");

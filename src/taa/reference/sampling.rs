@@ -201,6 +201,9 @@ mod tests {
         assert_eq!(at(5.8, true), 1.0);
     }
 
+    /// Moves an image by a fraction of a pixel.
+    type Step<'a> = dyn Fn(&Image<Color<f64>>, [f64; 2]) -> Image<Color<f64>> + 'a;
+
     /// Survey of Yang et al. 2020, figure 8: history is resampled again and again, there and back by fractions of a pixel.
     #[test]
     fn of_a_hundred_resamplings_quasi_cubic_keeps_most() {
@@ -209,7 +212,7 @@ mod tests {
             let (x, y) = (f64::from(x), f64::from(y));
             Color::splat(0.5 + 0.2 * libm::sin(1.1 * x + 0.3 * y) + 0.2 * libm::cos(0.4 * x - 0.9 * y))
         });
-        let error = |step: &dyn Fn(&Image<Color<f64>>, [f64; 2]) -> Image<Color<f64>>| {
+        let error = |step: &Step<'_>| {
             let mut image = scene.clone();
             for i in 0..50 {
                 let shift = [0.618, 0.755].map(|g: f64| (f64::from(i) * g).fract());
