@@ -1,7 +1,7 @@
 //! A recipe: the parameters of the temporal pipeline. Published systems are recipes ([`super::Preset`]); a job may
 //! override any parameter by its name here, which is also the name of the override in
 //! `shaders/taa/temporal/recipe.wgsl`. What a parameter means, its unit and its range stand beside it and nowhere else
-//! ([`parameters`]).
+//! ([`parameters()`]).
 
 mod blocks;
 mod parameters;
