@@ -47,7 +47,7 @@ struct View {
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> objects: array<Object>;
-@group(0) @binding(2) var<storage, read> lights: array<PointLight>;
+@group(0) @binding(2) var<uniform> lights: array<PointLight, 4>;
 @group(0) @binding(3) var shadow_map: texture_depth_2d;
 @group(0) @binding(4) var shadow_sampler: sampler_comparison;
 @group(1) @binding(0) var<uniform> view: View;

@@ -82,6 +82,11 @@ fn sunlight(world: vec3f) -> f32 {
     return select(lit, 1.0, any(abs(at.xy) > vec2f(1.0)) || at.z > 1.0);
 }
 
+// The fifth power: `pow` is a logarithm and an exponential.
+fn fifth(x: f32) -> f32 {
+    return x * x * (x * x) * x;
+}
+
 // Schlick's Fresnel term with Trowbridge and Reitz's distribution (GGX); visibility after Hammon 2017.
 fn highlight(n: vec3f, v: vec3f, l: vec3f, f0: vec3f) -> vec3f {
     let h = normalize(l + v);
@@ -90,7 +95,7 @@ fn highlight(n: vec3f, v: vec3f, l: vec3f, f0: vec3f) -> vec3f {
     let n_h = saturate(dot(n, h));
     let a = material.roughness * material.roughness;
     let d = n_h * n_h * (a * a - 1.0) + 1.0;
-    let fresnel = f0 + (1.0 - f0) * pow(1.0 - saturate(dot(v, h)), 5.0);
+    let fresnel = f0 + (1.0 - f0) * fifth(1.0 - saturate(dot(v, h)));
     return fresnel * (a * a / (3.14159265 * d * d) * n_l * 0.5 / mix(2.0 * n_l * n_v, n_l + n_v, a));
 }
 
@@ -103,6 +108,14 @@ fn lit_by(n: vec3f, v: vec3f, l: vec3f, color: vec3f, albedo: vec3f, f0: vec3f) 
         light += highlight(n, v, l, f0) * 3.14159265;
     }
     return light * color;
+}
+
+fn lit_by_point(light: PointLight, world: vec3f, n: vec3f, v: vec3f, albedo: vec3f, f0: vec3f) -> vec3f {
+    let to_light = light.position - world;
+    let squared = dot(to_light, to_light);
+    let inverse = inverseSqrt(squared);
+    let fade = saturate(1.0 - squared * inverse / light.range);
+    return lit_by(n, v, to_light * inverse, light.color * (fade * fade), albedo, f0);
 }
 
 fn shade(world: vec3f, normal: vec3f, front: bool, albedo: vec3f) -> vec3f {
@@ -121,16 +134,22 @@ fn shade(world: vec3f, normal: vec3f, front: bool, albedo: vec3f) -> vec3f {
     let from_sky = mix(frame.sky_ground, frame.sky_zenith, 0.5 + 0.5 * n.y);
     color += frame.ambient * albedo * (1.0 - material.metallic) * from_sky;
     if SPECULAR {
-        let fresnel = f0 + (1.0 - f0) * pow(1.0 - saturate(dot(n, v)), 5.0);
+        let fresnel = f0 + (1.0 - f0) * fifth(1.0 - saturate(dot(n, v)));
         let smooth_part = (1.0 - material.roughness) * (1.0 - material.roughness);
         color += frame.ambient * smooth_part * fresnel * sky(reflect(-v, n));
     }
-    for (var i = 0u; i < N_LIGHTS; i++) {
-        let light = lights[i];
-        let to_light = light.position - world;
-        let distance = length(to_light);
-        let fade = saturate(1.0 - distance / light.range);
-        color += lit_by(n, v, to_light / distance, light.color * fade * fade, albedo, f0);
+    // Written out: on lavapipe the loop with its checks costs as much as all the rest of the shading.
+    if N_LIGHTS > 0u {
+        color += lit_by_point(lights[0], world, n, v, albedo, f0);
+    }
+    if N_LIGHTS > 1u {
+        color += lit_by_point(lights[1], world, n, v, albedo, f0);
+    }
+    if N_LIGHTS > 2u {
+        color += lit_by_point(lights[2], world, n, v, albedo, f0);
+    }
+    if N_LIGHTS > 3u {
+        color += lit_by_point(lights[3], world, n, v, albedo, f0);
     }
     return color;
 }

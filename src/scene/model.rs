@@ -198,7 +198,7 @@ pub struct Lighting {
     pub sky_ground: [f32; 3],
     /// Factor on the light from sky and ground.
     pub ambient: f32,
-    /// As many at all times.
+    /// At most four, and as many at all times.
     pub points: Vec<PointLight>,
 }
 

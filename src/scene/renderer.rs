@@ -99,6 +99,9 @@ struct DeviceLight {
     padding: f32,
 }
 
+/// As many as `frame.wgsl` has room for.
+const MAX_LIGHTS: usize = 4;
+
 /// A scene on the device.
 pub(super) struct Renderer<'g> {
     gpu: &'g Gpu,
@@ -129,6 +132,7 @@ pub(super) struct PreparedFrame {
 impl<'g> Renderer<'g> {
     pub fn new(gpu: &'g Gpu, scene: Scene, texturing: Texturing) -> Result<Self, GpuError> {
         let n_lights = (scene.lighting)(0.0).points.len();
+        assert!(n_lights <= MAX_LIGHTS, "a scene has at most {MAX_LIGHTS} lamps");
         let pipelines = Pipelines::new(gpu, &scene, n_lights)?;
         let side = scene.shadows.map_or(1, |region| region.side);
         let depth = |side| Texture::target(gpu, "shadow map", Extent::new(side, side), RasterSpec::DEPTH_FORMAT);
@@ -140,8 +144,18 @@ impl<'g> Renderer<'g> {
                 materials: bind_materials(gpu, &pipelines.raster, &scene, texturing)?,
                 opaque,
                 blended,
-                objects: storage(gpu, "objects", scene.objects.len().max(1) * size_of::<DeviceObject>()),
-                lights: storage(gpu, "lights", n_lights.max(1) * size_of::<DeviceLight>()),
+                objects: buffer(
+                    gpu,
+                    "objects",
+                    scene.objects.len().max(1) * size_of::<DeviceObject>(),
+                    wgpu::BufferUsages::STORAGE,
+                ),
+                lights: buffer(
+                    gpu,
+                    "lights",
+                    MAX_LIGHTS * size_of::<DeviceLight>(),
+                    wgpu::BufferUsages::UNIFORM,
+                ),
                 shadow_map: depth(side),
                 no_shadow_map: depth(1),
                 shadow_sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
@@ -473,11 +487,11 @@ fn batches(scene: &Scene) -> (Vec<Batch>, Vec<Batch>) {
     (opaque, blended)
 }
 
-fn storage(gpu: &Gpu, label: &str, size: usize) -> wgpu::Buffer {
+fn buffer(gpu: &Gpu, label: &str, size: usize, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size: size as u64,
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        usage: usage | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     })
 }

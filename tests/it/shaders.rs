@@ -94,6 +94,24 @@ fn every_pass_is_valid() {
     }
 }
 
+/// The rasteriser's two files are one text.
+#[test]
+fn the_scene_is_valid() {
+    let files = all_files();
+    let text = |name: &str| {
+        let path = files.iter().find(|path| path.ends_with(name)).unwrap();
+        fs::read_to_string(path).unwrap()
+    };
+    let module = parse(&[text("scene/surface.wgsl"), text("scene/frame.wgsl")].join("\n"));
+    let module = module.unwrap_or_else(|error| panic!("{error}"));
+    assert!(
+        module
+            .entry_points
+            .iter()
+            .any(|entry| entry.stage == naga::ShaderStage::Fragment)
+    );
+}
+
 #[test]
 fn variants_have_the_numbers_that_the_shaders_know() {
     let files = all_files();
