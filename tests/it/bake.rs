@@ -262,24 +262,21 @@ fn the_noise_floor_is_honest_and_falls_with_more_samples() {
 /// An independent mean: renders without jitter sequence or accumulation, at frames that all show the same.
 #[test]
 fn a_reference_is_the_mean_of_jittered_frames() {
-    let settings = BakeSettings {
+    let jittered = BakeSettings {
         jitter: JitterSequence::Halton23(64),
-        reference_samples: 64,
         ..settings("static")
     };
-    let mut baker = Baker::new(gpu(), &settings).unwrap();
+    let mut baker = Baker::new(gpu(), &jittered).unwrap();
     let mut sum = vec![[0.0_f64; 3]; SIZE.n_pixels()];
-    let mut reference = None;
     for index in 0..64 {
         let frame = baker.frame(index).unwrap();
         for (sum, color) in sum.iter_mut().zip(frame.color.pixels()) {
             (0..3).for_each(|i| sum[i] += f64::from(color[i]) / 64.0);
         }
-        reference = frame.reference;
     }
     let mean = Image::from_pixels(SIZE, sum.into_iter().map(|c| c.map(|c| c as f32)).collect());
-    let (_, rms) = difference(&mean, &reference.unwrap());
-    let noise = baker.noise_floor().unwrap().rms_linear;
+    let (reference, noise) = reference_of("static", 64, 1, Pattern::Stratified);
+    let (_, rms) = difference(&mean, &reference);
     assert!(rms < 3.0 * noise, "{rms} beside a noise of {noise}");
     let unjittered = baker.frame(0).unwrap().unjittered_color;
     assert!(
