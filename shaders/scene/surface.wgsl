@@ -42,7 +42,7 @@ struct Surface {
 const NO_MOTION_PX = 1e6;
 const SKY_DEPTH = 1e10;
 
-// PCG, after O'Neill 2014, on two dimensions and a seed.
+// Uniform in 0 to 1, from two dimensions and a seed: combined by odd factors, then mixed by two multiplications and shifts.
 fn hash(x: u32, y: u32, seed: u32) -> f32 {
     var h = x * 0x9e3779b9u ^ y * 0x85ebca6bu ^ seed * 0xc2b2ae35u;
     h = (h ^ (h >> 16u)) * 0x7feb352du;

@@ -127,11 +127,7 @@ impl What {
             n_frames: self.frames,
             repeat: self.repeat,
             metrics_on: MetricsOn::Auto,
-            validate: match (self.validate, self.bisect) {
-                (_, true) => Validate::Bisect,
-                (true, false) => Validate::Yes,
-                (false, false) => Validate::No,
-            },
+            validate: Validate::asked(self.validate, self.bisect),
         })
     }
 }

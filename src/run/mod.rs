@@ -65,6 +65,17 @@ pub enum Validate {
     Bisect,
 }
 
+impl Validate {
+    /// As the command line and jobs ask for it, in two flags of which the second includes the first.
+    pub fn asked(validate: bool, bisect: bool) -> Self {
+        match (validate, bisect) {
+            (_, true) => Self::Bisect,
+            (true, false) => Self::Yes,
+            (false, false) => Self::No,
+        }
+    }
+}
+
 /// Where metrics are computed: the values agree, the times do not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -131,11 +131,7 @@ async fn validated(
         n_frames: request.frames,
         repeat: request.repeat,
         metrics_on: MetricsOn::Auto,
-        validate: match (request.validate, request.bisect) {
-            (_, true) => Validate::Bisect,
-            (true, false) => Validate::Yes,
-            (false, false) => Validate::No,
-        },
+        validate: Validate::asked(request.validate, request.bisect),
     };
     for (index, spec) in run.presets.iter().enumerate() {
         check_preset(index, spec)?;

@@ -72,7 +72,7 @@ fn only_in(index: usize) -> String {
 /// One for every pass there is.
 fn faults() -> Vec<Planted> {
     let bfecc = || recipe("ema", r#"{"history_filter": "bfecc"}"#);
-    let quasi_cubic = || recipe("ema", r#"{"history_filter": "quasi_cubic", "domain": "tonemapped"}"#);
+    let quasi_cubic = || recipe("ema", r#"{"history_filter": "quasi_cubic"}"#);
     let plain = |preset| recipe(preset, "{}");
     let late = only_in(5);
     vec![

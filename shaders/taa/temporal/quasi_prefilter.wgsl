@@ -1,7 +1,7 @@
 // The coefficients of history for `quasi_cubic`, along rows and then along columns: history through 1/P, where
 // P(z) = d0 + d1 (z + 1/z) + d2 (z² + 1/z²). P is the product of a filter with two poles that runs forth and of its mirror
-// image that runs back. Nothing of a texel is left 16 texels on (2⁻²³), so a run of texels starts that far before itself
-// instead of at the image's edge, and all runs of a line go at once.
+// image that runs back. Nothing of a texel is left 24 texels on (2⁻³⁵: of the brightest, 2⁻¹⁹), so a run of texels starts that
+// far before itself instead of at the image's edge, and all runs of a line go at once.
 //
 // Beyond the edge history continues as the nearest edge texel; the kernel reaches 2 texels beyond, and coefficients do, too.
 // CPU twin: src/taa/reference/quasi_cubic.rs, where P and the kernel are derived.
@@ -21,7 +21,7 @@ const FEEDBACK: vec2f = vec2f(-0.36983990, -0.0047235618);
 const GAIN: f32 = 1.0 - FEEDBACK.x - FEEDBACK.y;
 
 const RUN: i32 = 16;
-const WARM_UP: i32 = 16;
+const WARM_UP: i32 = 24;
 
 // Along the line of texels through `p`, places of which begin at the margin.
 fn texel_of_line(p: vec2i, i: i32) -> vec3f {
