@@ -266,5 +266,6 @@ fn textured(extent: Extent, index: usize) -> Frame {
         reactive: None,
         unjittered_color: None,
         reference: None,
+        others: None,
     }
 }

@@ -4,6 +4,7 @@
 
 mod files;
 mod scene;
+mod several;
 mod sparse;
 
 use files::{Channel, Part, write_exr, write_png16};
@@ -22,7 +23,9 @@ fn main() -> anyhow::Result<()> {
     still(&folder.join("static"))?;
     engine(&folder.join("engine"))?;
     sparse::upscale(&folder.join("upscale"))?;
-    sparse::checkerboard(&folder.join("checkerboard"))
+    sparse::checkerboard(&folder.join("checkerboard"))?;
+    several::samples(&folder.join("samples"))?;
+    several::layers(&folder.join("layers"))
 }
 
 /// Every pixel's sample of a jittered frame, row by row.

@@ -41,3 +41,11 @@ fn repair(x: f32) -> f32 {
     let too_large = bits > F16_MAX_BITS && bits <= 0x7f800000u;
     return select(select(x, 0.0, is_hostile(x)), F16_MAX, too_large);
 }
+
+fn any_hostile(c: vec3f) -> bool {
+    return is_hostile(c.r) || is_hostile(c.g) || is_hostile(c.b);
+}
+
+fn repaired(c: vec3f) -> vec3f {
+    return vec3f(repair(c.r), repair(c.g), repair(c.b));
+}

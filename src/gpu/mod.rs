@@ -14,7 +14,7 @@ pub use pass::{Bound, Dispatch, Invocation, Pass};
 pub use raster::{DepthTest, Raster, RasterBound, RasterSpec};
 pub use readback::{Readback, ReadbackPool};
 pub use reflection::{Access, UniformValue};
-pub use texture::Texture;
+pub use texture::{Layer, Texture};
 pub use timer::{Timer, Times};
 
 /// What can go wrong on the GPU.

@@ -58,6 +58,37 @@ impl Texture {
         made
     }
 
+    /// So many images of one size, which shaders see as one `texture_2d_array`.
+    pub fn stack(gpu: &Gpu, label: &str, extent: Extent, n_layers: u32, format: wgpu::TextureFormat) -> Self {
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d {
+                width: extent.width,
+                height: extent.height,
+                depth_or_array_layers: n_layers,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        Self { texture, view, extent }
+    }
+
+    /// One image of a stack.
+    pub fn layer(&self, index: usize) -> Layer<'_> {
+        Layer {
+            texture: self,
+            index: index as u32,
+        }
+    }
+
     fn with_levels(
         gpu: &Gpu,
         label: &str,
@@ -116,24 +147,17 @@ impl Texture {
 
     /// Uploads RGB as `rgba32float`. The textures have no three-channel format.
     pub fn write_rgb(&self, gpu: &Gpu, image: &Image<[f32; 3]>) {
-        let mut rgba = Vec::with_capacity(image.pixels().len());
-        image
-            .pixels()
-            .par_iter()
-            .with_min_len(4096)
-            .map(|&[r, g, b]| [r, g, b, 1.0])
-            .collect_into_vec(&mut rgba);
-        self.write(gpu, bytemuck::cast_slice(&rgba));
+        self.layer(0).write_rgb(gpu, image);
     }
 
     /// Uploads pairs as `rg32float`.
     pub fn write_vec2(&self, gpu: &Gpu, image: &Image<[f32; 2]>) {
-        self.write(gpu, bytemuck::cast_slice(image.pixels()));
+        self.layer(0).write_vec2(gpu, image);
     }
 
     /// Uploads scalars as `r32float`.
     pub fn write_scalar(&self, gpu: &Gpu, image: &Image<f32>) {
-        self.write(gpu, bytemuck::cast_slice(image.pixels()));
+        self.layer(0).write_scalar(gpu, image);
     }
 
     /// Uploads integers as `r32uint`.
@@ -160,15 +184,62 @@ impl Texture {
     }
 
     fn write(&self, gpu: &Gpu, bytes: &[u8]) {
+        self.layer(0).write(gpu, bytes);
+    }
+}
+
+/// One image of a [`Texture::stack`], or the only one of a texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Layer<'a> {
+    texture: &'a Texture,
+    index: u32,
+}
+
+impl Layer<'_> {
+    /// Uploads RGB as `rgba32float`.
+    pub fn write_rgb(self, gpu: &Gpu, image: &Image<[f32; 3]>) {
+        let mut rgba = Vec::with_capacity(image.pixels().len());
+        image
+            .pixels()
+            .par_iter()
+            .with_min_len(4096)
+            .map(|&[r, g, b]| [r, g, b, 1.0])
+            .collect_into_vec(&mut rgba);
+        self.write(gpu, bytemuck::cast_slice(&rgba));
+    }
+
+    /// Uploads pairs as `rg32float`.
+    pub fn write_vec2(self, gpu: &Gpu, image: &Image<[f32; 2]>) {
+        self.write(gpu, bytemuck::cast_slice(image.pixels()));
+    }
+
+    /// Uploads scalars as `r32float`.
+    pub fn write_scalar(self, gpu: &Gpu, image: &Image<f32>) {
+        self.write(gpu, bytemuck::cast_slice(image.pixels()));
+    }
+
+    fn write(self, gpu: &Gpu, bytes: &[u8]) {
+        let Extent { width, height } = self.texture.extent;
+        let all = self.texture.texture.as_image_copy();
         gpu.queue.write_texture(
-            self.texture.as_image_copy(),
+            wgpu::TexelCopyTextureInfo {
+                origin: wgpu::Origin3d {
+                    z: self.index,
+                    ..all.origin
+                },
+                ..all
+            },
             bytes,
             wgpu::TexelCopyBufferLayout {
                 offset: 0,
-                bytes_per_row: Some((bytes.len() / self.extent.height as usize) as u32),
+                bytes_per_row: Some((bytes.len() / height as usize) as u32),
                 rows_per_image: None,
             },
-            self.texture.size(),
+            wgpu::Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
         );
     }
 }

@@ -104,7 +104,12 @@ impl Plan {
     /// How many passes of a frame are timed, metrics aside.
     pub fn n_timed_passes(&self) -> u32 {
         let n_passes: usize = self.systems.iter().map(|system| system.recipe.passes().len()).sum();
-        (self.prepared.len() + n_passes) as u32 * self.repeat
+        (self.n_merges() + self.prepared.len() + n_passes) as u32 * self.repeat
+    }
+
+    /// The passes that merge samples or layers, before all others.
+    pub fn n_merges(&self) -> usize {
+        usize::from(self.channels.several.is_some())
     }
 }
 
@@ -121,7 +126,11 @@ impl System {
             notes: notes(&recipe, sequence, n_frames),
             channels: recipe
                 .required_channels()
-                .union(recipe.optional_channels().intersection(sequence.available())),
+                .union(recipe.optional_channels().intersection(sequence.available()))
+                .union(Channels {
+                    several: sequence.available().several,
+                    ..Channels::default()
+                }),
             recipe,
         })
     }

@@ -229,7 +229,7 @@ impl<'a> Scorer<'a> {
         })
     }
 
-    /// Pass times come in the order recorded: each prepared colour, then each preset's passes, `repeat` times each. Returns
+    /// Pass times come in the order recorded: the merging of samples, each prepared colour, then each preset's passes, `repeat` times each. Returns
     /// the medians of this preset's passes.
     fn gather_times(&mut self, index: usize, pass_ms: &[f64], warmup: bool) -> BTreeMap<String, f64> {
         let recipe = &self.plan.systems[index].recipe;
@@ -238,9 +238,12 @@ impl<'a> Scorer<'a> {
             .iter()
             .map(|system| system.recipe.passes().len())
             .sum();
-        let first = self.plan.prepared.len() + before;
-        let passes = [("prepare", prepared.expect("planned for this recipe"))]
-            .into_iter()
+        let n_merges = self.plan.n_merges();
+        let prepared = n_merges + prepared.expect("planned for this recipe");
+        let first = n_merges + self.plan.prepared.len() + before;
+        let passes = (0..n_merges)
+            .map(|position| ("merge", position))
+            .chain([("prepare", prepared)])
             .chain(recipe.passes().into_iter().zip(first..));
         let mut medians = BTreeMap::new();
         for (pass, position) in passes {

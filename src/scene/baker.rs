@@ -72,6 +72,7 @@ impl BakedFrame {
             reactive: Some(self.reactive),
             unjittered_color: Some(self.unjittered_color),
             reference: self.reference,
+            others: None,
         }
     }
 }

@@ -19,9 +19,9 @@ struct Reference<'a> {
 
 impl Reference<'_> {
     fn failed(&self, problem: ImageProblem) -> SequenceError {
-        let (frame, image) = self.images[0];
+        let (frame, image) = &self.images[0];
         SequenceError::Image {
-            frame,
+            frame: *frame,
             section: image.section,
             problem,
         }
@@ -57,7 +57,7 @@ impl Sequence {
                 .resolve(&reference.relative)
                 .map_err(|problem| reference.failed(problem))?;
             reference.images.iter().try_for_each(|(frame, image)| {
-                let extent = self.reader.extent(&file, image.channels);
+                let extent = self.reader.extent(&file, &image.channels);
                 extent
                     .map_err(ImageProblem::from)
                     .and_then(|extent| self.check_size(image.section, &reference.relative, extent))

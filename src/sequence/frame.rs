@@ -1,5 +1,6 @@
 //! The canonical form of a frame: what every recipe and metric sees, whatever engine it came from.
 
+use super::several::{Others, Several};
 use crate::{
     image::{Extent, Image},
     metrics::Display,
@@ -26,6 +27,8 @@ pub struct Channels {
     pub unjittered_color: bool,
     /// Ground truth.
     pub reference: bool,
+    /// Several samples or layers of each pixel.
+    pub several: Option<Several>,
 }
 
 impl Channels {
@@ -48,6 +51,10 @@ impl Channels {
             reactive: f(self.reactive, other.reactive),
             unjittered_color: f(self.unjittered_color, other.unjittered_color),
             reference: f(self.reference, other.reference),
+            several: match f(self.several.is_some(), other.several.is_some()) {
+                true => self.several.or(other.several),
+                false => None,
+            },
         }
     }
 }
@@ -130,6 +137,8 @@ pub struct Frame {
     pub unjittered_color: Option<Image<Rgb>>,
     /// Ground truth at output size, linear RGB.
     pub reference: Option<Image<Rgb>>,
+    /// Where each pixel has several samples or layers: those behind the first, whose colour, depth and motion stand above.
+    pub others: Option<Others>,
 }
 
 /// The depth that stands for "nothing was hit".
@@ -149,9 +158,17 @@ impl Frame {
         }
     }
 
+    /// The length of a vector beyond which it is a mistake, pixels.
+    pub fn longest_motion_px(&self) -> f64 {
+        4.0 * f64::from(self.extent().width.max(self.extent().height))
+    }
+
     /// Takes the motion, for every output pixel and in output pixels: that of the input texel that contains its centre.
     pub fn take_output_motion_px(&mut self) -> Option<Image<[f32; 2]>> {
-        let motion = self.motion_px.take()?;
+        let motion = match &self.others {
+            Some(_) => self.merged_motion_px(),
+            None => self.motion_px.take(),
+        }?;
         let sizes = self.sizes();
         if sizes == Sizes::native(self.extent()) {
             return Some(motion);

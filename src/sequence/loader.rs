@@ -1,10 +1,10 @@
 //! One frame from files to canonical form: which files to read, each once, and which conversion each image takes.
 
 use super::{
-    Channels, Frame, ImageProblem, Manifest, Section, Sequence, SequenceError,
+    Channels, Frame, ImageProblem, Manifest, Others, Section, Sequence, SequenceError, Several,
     convention::{ColorDecoder, DepthDecoder, MotionDecoder, Projector, jitter_px},
     frame::{Rgb, SKY_DEPTH},
-    manifest::{ColorSource, DepthSource, FarPlane, FrameEntry, ImageSource},
+    manifest::{AlphaMeaning, ColorSource, DepthSource, FarPlane, FrameEntry, ImageSource},
 };
 use crate::image::{
     Extent, Image,
@@ -90,7 +90,7 @@ impl Sequence {
         }
         let mut decoded = BTreeMap::new();
         for (path, images) in files {
-            let mut names: Vec<String> = images.iter().flat_map(|image| image.channels).cloned().collect();
+            let mut names: Vec<String> = images.iter().flat_map(|image| image.channels.iter()).cloned().collect();
             names.sort();
             names.dedup();
             let failed = |section, problem| SequenceError::Image {
@@ -139,6 +139,7 @@ fn wants(channels: Channels, section: Section) -> bool {
         Section::Reactive => channels.reactive,
         Section::UnjitteredColor => channels.unjittered_color,
         Section::Reference => channels.reference,
+        Section::Opacity => true,
         Section::Disoccluded => false,
     }
 }
@@ -155,10 +156,11 @@ impl FrameFiles<'_> {
     fn convert(&self, channels: Channels) -> Frame {
         let manifest = &self.sequence.manifest;
         let index = self.entry.index;
-        let depth = self.depth();
+        let depth = self.depth(0);
         let reference = manifest.reference.as_ref().map(|reference| reference.color());
         let parity = manifest.checkerboard.as_ref().map(|mask| mask.parity_of(index));
-        let color = self.color(Section::Color, Some(&manifest.color));
+        let color = self.color(Section::Color, 0, Some(&manifest.color));
+        let albedo = self.color(Section::Albedo, 0, manifest.albedo.as_ref());
         Frame {
             index,
             reset: self.entry.reset || index == 0,
@@ -168,26 +170,66 @@ impl FrameFiles<'_> {
             output_size: manifest.output_size,
             parity,
             color: shaded(color, parity, [0.0; 3]).expect("colour is always read"),
-            motion_px: shaded(self.motion(depth.as_ref()), parity, [f32::NAN; 2]),
+            motion_px: shaded(self.motion(0, depth.as_ref()), parity, [f32::NAN; 2]),
             depth: shaded(depth.filter(|_| channels.depth), parity, SKY_DEPTH),
             object_id: self.object_id(),
-            albedo: shaded(self.color(Section::Albedo, manifest.albedo.as_ref()), parity, [0.0; 3]),
+            albedo: shaded(albedo, parity, [0.0; 3]),
             reactive: self.reactive(),
-            unjittered_color: self.color(Section::UnjitteredColor, manifest.unjittered_color.as_ref()),
-            reference: self.color(Section::Reference, reference.as_ref()),
+            unjittered_color: self.color(Section::UnjitteredColor, 0, manifest.unjittered_color.as_ref()),
+            reference: self.color(Section::Reference, 0, reference.as_ref()),
+            others: manifest.several().map(|several| self.others(several, channels)),
         }
     }
 
-    fn image(&self, section: Section) -> Option<&ImageSource<'_>> {
-        self.images.iter().find(|image| image.section == section)
+    /// The images of all samples but the first, or of the layers behind the nearest.
+    fn others(&self, several: Several, channels: Channels) -> Others {
+        let manifest = &self.sequence.manifest;
+        let behind = 1..several.n_items as usize;
+        let color = |item| {
+            self.color(Section::Color, item, Some(&manifest.color))
+                .expect("checked with the manifest")
+        };
+        let differs = |section| self.image(section, 1).is_some();
+        let own_depth = |item| match differs(Section::Depth) {
+            true => self.depth(item),
+            false => None,
+        };
+        let own_motion = |item| {
+            let depth = own_depth(item).or_else(|| self.depth(0));
+            self.motion(item, depth.as_ref())
+        };
+        Others {
+            merging: several.merging,
+            color: behind.clone().map(color).collect(),
+            opacity: (0..several.n_items as usize)
+                .filter_map(|item| self.opacity(item))
+                .collect(),
+            motion_px: behind.clone().filter_map(own_motion).collect(),
+            depth: behind.filter(|_| channels.depth).filter_map(own_depth).collect(),
+        }
+    }
+
+    fn opacity(&self, item: usize) -> Option<Image<f32>> {
+        let image = self.image(Section::Opacity, item)?;
+        let meaning = self.sequence.manifest.layers.as_ref()?.alpha.meaning;
+        let plane = self.floats(image, 0);
+        Some(from_indices(self.sequence.render_size(), |i| match meaning {
+            AlphaMeaning::Opacity => plane[i],
+            AlphaMeaning::Transmittance => 1.0 - plane[i],
+        }))
+    }
+
+    fn image(&self, section: Section, item: usize) -> Option<&ImageSource<'_>> {
+        let mut images = self.images.iter();
+        images.find(|image| image.section == section && image.item == item)
     }
 
     fn floats(&self, image: &ImageSource, channel: usize) -> Cow<'_, [f32]> {
         self.decoded.floats(self.entry, image, channel)
     }
 
-    fn color(&self, section: Section, source: Option<&ColorSource>) -> Option<Image<Rgb>> {
-        let (image, source) = (self.image(section)?, source?);
+    fn color(&self, section: Section, item: usize, source: Option<&ColorSource>) -> Option<Image<Rgb>> {
+        let (image, source) = (self.image(section, item)?, source?);
         let planes = [0, 1, 2].map(|channel| self.floats(image, channel));
         let decoder = ColorDecoder {
             transfer: source.transfer,
@@ -213,8 +255,11 @@ impl FrameFiles<'_> {
         )
     }
 
-    fn depth(&self) -> Option<Image<f32>> {
-        let (image, source) = (self.image(Section::Depth)?, self.sequence.manifest.depth.as_ref()?);
+    fn depth(&self, item: usize) -> Option<Image<f32>> {
+        let (image, source) = (
+            self.image(Section::Depth, item)?,
+            self.sequence.manifest.depth.as_ref()?,
+        );
         let plane = self.floats(image, 0);
         let decoder = DepthDecoder {
             kind: source.kind,
@@ -231,8 +276,11 @@ impl FrameFiles<'_> {
         }))
     }
 
-    fn motion(&self, depth: Option<&Image<f32>>) -> Option<Image<[f32; 2]>> {
-        let (image, source) = (self.image(Section::Motion)?, self.sequence.manifest.motion.as_ref()?);
+    fn motion(&self, item: usize, depth: Option<&Image<f32>>) -> Option<Image<[f32; 2]>> {
+        let (image, source) = (
+            self.image(Section::Motion, item)?,
+            self.sequence.manifest.motion.as_ref()?,
+        );
         let (x, y) = (self.floats(image, 0), self.floats(image, 1));
         let index = self.entry.index;
         // The first frame has no predecessor; whatever its motion says, there is no history to fetch.
@@ -252,7 +300,7 @@ impl FrameFiles<'_> {
     }
 
     fn object_id(&self) -> Option<Image<u32>> {
-        let image = self.image(Section::ObjectId)?;
+        let image = self.image(Section::ObjectId, 0)?;
         let extent = self.sequence.render_size();
         let (plane, sample) = self.decoded.plane(self.entry, image, 0);
         // Blender writes ids as floats; small integers were read as fractions of their largest value.
@@ -268,7 +316,7 @@ impl FrameFiles<'_> {
     }
 
     fn reactive(&self) -> Option<Image<f32>> {
-        let image = self.image(Section::Reactive)?;
+        let image = self.image(Section::Reactive, 0)?;
         let plane = self.floats(image, 0);
         Some(Image::from_pixels(self.sequence.render_size(), plane.into_owned()))
     }

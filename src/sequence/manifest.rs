@@ -11,10 +11,11 @@ pub use path::PathTemplate;
 pub use preset::Preset;
 pub use source::*;
 
+use super::several::{Merging, Several};
 use crate::{image::Extent, metrics::Display};
 use serde::Deserialize;
 use serde_json::Value;
-use std::{fmt, slice};
+use std::{borrow::Cow, fmt, slice};
 
 /// The only schema there is.
 pub const SCHEMA: &str = "afterimage-sequence/1";
@@ -91,8 +92,10 @@ pub struct Manifest {
     pub disoccluded: Option<PlaneSource>,
     /// The settings that `afterimage bake` made the sequence from, for people.
     pub bake: Option<Value>,
-    /// Reserved by the schema; must be null.
-    pub layers: Option<Value>,
+    /// Several samples of each pixel.
+    pub samples: Option<SamplesSource>,
+    /// Several layers of each pixel, one behind the other.
+    pub layers: Option<LayersSource>,
     /// Ground truth. Encoded as `color` is where it does not say otherwise.
     pub reference: Option<ReferenceSource>,
     /// How linear colour is shown, for every metric that compares shown images.
@@ -189,6 +192,8 @@ pub enum Section {
     UnjitteredColor,
     /// `reference`.
     Reference,
+    /// `layers.alpha`.
+    Opacity,
     /// `disoccluded`.
     Disoccluded,
 }
@@ -204,20 +209,23 @@ impl fmt::Display for Section {
             Self::Reactive => "reactive",
             Self::UnjitteredColor => "unjittered_color",
             Self::Reference => "reference",
+            Self::Opacity => "layers.alpha",
             Self::Disoccluded => "disoccluded",
         })
     }
 }
 
 /// The files of one section and what to read from them.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ImageSource<'a> {
     /// Whose files they are.
     pub section: Section,
+    /// Of which sample or layer; 0 where all share them.
+    pub item: usize,
     /// Where they are.
     pub path: &'a PathTemplate,
     /// Full channel names, in order.
-    pub channels: &'a [String],
+    pub channels: Cow<'a, [String]>,
 }
 
 impl Manifest {
@@ -234,8 +242,16 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Every section that names image files, as far as declared.
+    /// Every image that the manifest names: of each section declared, and of each sample or layer where they differ in it.
     pub fn images(&self) -> Vec<ImageSource<'_>> {
+        let sections = self.sections().into_iter();
+        sections
+            .flat_map(|(section, path, channels)| self.items(section, path, channels))
+            .collect()
+    }
+
+    /// Every section that names image files, as far as declared: its path and channels as given.
+    fn sections(&self) -> Vec<(Section, &PathTemplate, &[String])> {
         fn color(section: Section, source: &ColorSource) -> (Section, &PathTemplate, &[String]) {
             (section, &source.path, &source.channels)
         }
@@ -258,19 +274,70 @@ impl Manifest {
                 .as_ref()
                 .map(|source| color(Section::UnjitteredColor, source)),
             reference.map(|source| (Section::Reference, &source.path, source.channels.as_slice())),
+            self.layers.as_ref().map(|layers| {
+                (
+                    Section::Opacity,
+                    &layers.alpha.path,
+                    slice::from_ref(&layers.alpha.channel),
+                )
+            }),
             self.disoccluded
                 .as_ref()
                 .map(|source| plane(Section::Disoccluded, source)),
         ]
         .into_iter()
         .flatten()
-        .map(|(section, path, channels)| ImageSource {
-            section,
-            path,
-            channels,
-        })
         .collect()
     }
+
+    /// How many samples or layers each pixel has; none where it is one.
+    pub fn several(&self) -> Option<Several> {
+        let samples = self.samples.as_ref().map(|samples| (Merging::Samples, samples.count));
+        let layers = self.layers.as_ref().map(|layers| {
+            let premultiplied = layers.premultiplied;
+            (Merging::Layers { premultiplied }, layers.count)
+        });
+        let (merging, n_items) = samples.or(layers)?;
+        Some(Several { merging, n_items })
+    }
+
+    /// A section's images, one for each sample or layer where path or channels tell them apart.
+    fn items<'a>(
+        &'a self,
+        section: Section,
+        path: &'a PathTemplate,
+        channels: &'a [String],
+    ) -> impl Iterator<Item = ImageSource<'a>> {
+        let differs = !item_names(path, channels).is_empty();
+        let n_items = self
+            .several()
+            .filter(|_| differs)
+            .map_or(1, |several| several.n_items as usize);
+        (0..n_items).map(move |item| ImageSource {
+            section,
+            item,
+            path,
+            channels: match differs {
+                true => channels.iter().map(|channel| with_item(channel, item)).collect(),
+                false => Cow::Borrowed(channels),
+            },
+        })
+    }
+}
+
+/// Which of `{sample}` and `{layer}` a section's path and channels hold.
+fn item_names(path: &PathTemplate, channels: &[String]) -> Vec<&'static str> {
+    let holds = |name: &&'static str| {
+        let braced = format!("{{{name}}}");
+        path.numbers_items_as(name) || channels.iter().any(|channel| channel.contains(&braced))
+    };
+    ["sample", "layer"].into_iter().filter(holds).collect()
+}
+
+/// A channel's name with the number of a sample or layer.
+fn with_item(channel: &str, item: usize) -> String {
+    let number = item.to_string();
+    channel.replace("{sample}", &number).replace("{layer}", &number)
 }
 
 /// Names the field, and for an unknown one the nearest known. serde's message quotes the unknown name first and the

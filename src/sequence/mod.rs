@@ -8,9 +8,11 @@ pub mod frame;
 pub mod jitter;
 mod loader;
 pub mod manifest;
+mod several;
 
 pub use frame::{Channels, Frame, Sizes};
 pub use manifest::{Manifest, ManifestError, Section};
+pub use several::{Merging, Others, Several, repaired_opacity};
 
 use crate::{
     image::{
@@ -237,6 +239,7 @@ impl Sequence {
             reactive: manifest.reactive.is_some(),
             unjittered_color: manifest.unjittered_color.is_some(),
             reference: manifest.reference.is_some(),
+            several: manifest.several(),
         }
     }
 
@@ -249,7 +252,10 @@ impl Sequence {
 
     /// The path of an image relative to the manifest's folder.
     fn relative_path(entry: &FrameEntry, image: &ImageSource) -> String {
-        image.path.for_frame(entry).expect("checked with the manifest")
+        image
+            .path
+            .for_frame(entry, image.item)
+            .expect("checked with the manifest")
     }
 
     /// The file behind a relative path, after following links, if that is inside the manifest's folder.

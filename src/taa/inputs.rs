@@ -4,6 +4,7 @@
 use super::{
     Carried, Fault, Preparation, Recipe, Source,
     fault::planted,
+    merge::Merge,
     recipe::InputFilter,
     recorder::{Recorder, Repeat},
 };
@@ -33,6 +34,8 @@ pub struct Inputs {
     object_id: Carried,
     motion: Texture,
     reactive: Texture,
+    /// Where pixels have several samples or layers.
+    merge: Option<Merge>,
     prepared: BTreeMap<Preparation, Prepared>,
     /// Bound where a recipe does not read what another would.
     nothing: Texture,
@@ -70,7 +73,7 @@ impl Inputs {
         Self::with_fault(gpu, sizes, channels, wanted, None)
     }
 
-    /// The same with a mistake in `prepare`.
+    /// The same with a mistake in `merge` or `prepare`.
     pub fn with_fault(
         gpu: &Gpu,
         sizes: Sizes,
@@ -83,6 +86,15 @@ impl Inputs {
             .iter()
             .map(|&key| Ok((key, Prepared::new(gpu, extent, key, channels, fault)?)))
             .collect::<Result<_, GpuError>>()?;
+        let merge = channels
+            .several
+            .map(|several| Merge::new(gpu, extent, several, channels, fault))
+            .transpose()?;
+        // Passes cannot write two channels.
+        let motion_format = match merge {
+            Some(_) => TextureFormat::Rgba32Float,
+            None => TextureFormat::Rg32Float,
+        };
         gpu.scope("making room for a frame", || {
             let texture = |label, format| Texture::new(gpu, label, extent, format);
             let if_read = |read, label, format| {
@@ -106,9 +118,10 @@ impl Inputs {
                     .then(|| texture("unjittered color", TextureFormat::Rgba32Float)),
                 depth: carried(channels.depth, "depth", TextureFormat::R32Float),
                 object_id: carried(channels.object_id, "object id", TextureFormat::R32Uint),
-                motion: if_read(channels.motion, "motion", TextureFormat::Rg32Float),
+                motion: if_read(channels.motion, "motion", motion_format),
                 reactive: if_read(channels.reactive, "reactive mask", TextureFormat::R32Float),
                 albedo: if_read(channels.albedo, "albedo", TextureFormat::Rgba32Float),
+                merge,
                 prepared,
                 nothing: Texture::new(gpu, "nothing", Extent::new(1, 1), TextureFormat::Rgba32Float),
                 no_ids: Texture::new(gpu, "no ids", Extent::new(1, 1), TextureFormat::R32Uint),
@@ -123,9 +136,16 @@ impl Inputs {
         self.far = frame.finite_far() as f32;
         self.parity = frame.parity.unwrap_or_default();
         self.display = frame.display;
-        let is_read = |texture: &Texture| texture.extent() == self.sizes.render;
+        let render = self.sizes.render;
+        let is_read = |texture: &Texture| texture.extent() == render;
+        // Merging writes colour, depth and motion where there is something to merge.
+        let merges = self.merge.is_some();
+        let is_uploaded = |texture: &Texture| is_read(texture) && !merges;
         gpu.scope("uploading a frame", || {
-            self.color.write_rgb(gpu, &frame.color);
+            match &self.merge {
+                Some(merge) => merge.upload(gpu, frame),
+                None => self.color.write_rgb(gpu, &frame.color),
+            }
             if let (Some(texture), Some(image)) = (&self.unjittered_color, &frame.unjittered_color) {
                 texture.write_rgb(gpu, image);
             }
@@ -133,14 +153,14 @@ impl Inputs {
                 self.albedo.write_rgb(gpu, albedo);
             }
             self.depth.advance();
-            if let Some(depth) = frame.depth.as_ref().filter(|_| is_read(self.depth.current())) {
+            if let Some(depth) = frame.depth.as_ref().filter(|_| is_uploaded(self.depth.current())) {
                 self.depth.current().write_scalar(gpu, depth);
             }
             self.object_id.advance();
             if let Some(ids) = frame.object_id.as_ref().filter(|_| is_read(self.object_id.current())) {
                 self.object_id.current().write_u32(gpu, ids);
             }
-            if let Some(motion) = frame.motion_px.as_ref().filter(|_| is_read(&self.motion)) {
+            if let Some(motion) = frame.motion_px.as_ref().filter(|_| is_uploaded(&self.motion)) {
                 self.motion.write_vec2(gpu, motion);
             }
             if let Some(reactive) = frame.reactive.as_ref().filter(|_| is_read(&self.reactive)) {
@@ -167,8 +187,12 @@ impl Inputs {
         self.record(&mut recorder)
     }
 
-    /// Records the preparation of every colour wanted, in their order.
+    /// Records the merging of samples or layers, if there are any, and the preparation of every colour wanted, in their order.
     pub fn record(&self, recorder: &mut Recorder<'_>) -> Result<(), GpuError> {
+        if let Some(merge) = &self.merge {
+            let merge = merge.dispatch(recorder.gpu, &self.color, &self.motion, self.depth.current())?;
+            recorder.record(&merge)?;
+        }
         for (preparation, prepared) in &self.prepared {
             let dispatch = prepared
                 .pass

@@ -8,6 +8,7 @@ mod carried;
 mod checkerboard;
 mod fault;
 mod inputs;
+mod merge;
 mod phlm2016;
 mod preset;
 pub mod recipe;

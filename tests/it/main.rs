@@ -16,6 +16,7 @@ mod negative_controls;
 mod properties;
 mod run;
 mod sequence;
+mod several;
 mod shaders;
 mod spatial;
 mod store;

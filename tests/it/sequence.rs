@@ -34,6 +34,7 @@ pub const ALL: Channels = Channels {
     reactive: true,
     unjittered_color: true,
     reference: true,
+    several: None,
 };
 
 pub fn fixture(name: &str) -> PathBuf {

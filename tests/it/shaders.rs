@@ -43,7 +43,8 @@ fn parse(source: &str) -> Result<naga::Module, String> {
 fn module_of(pass: &Path, files: &[PathBuf]) -> String {
     // A recipe's passes share what lies beside them; of two files that stand in for each other one is enough.
     let stands_in = ["history_f32.wgsl", "classes.wgsl", "shares.wgsl"];
-    let of_recipe = pass.iter().any(|part| part == "taa") && !pass.ends_with("prepare.wgsl");
+    let of_recipe = pass.iter().any(|part| part == "taa")
+        && !["prepare.wgsl", "merge.wgsl"].iter().any(|name| pass.ends_with(name));
     let mut module = fs::read_to_string(pass).unwrap();
     let shared = files.iter().filter(|path| {
         let text = fs::read_to_string(path).unwrap();

@@ -25,7 +25,7 @@ fn channels(recipe: &Recipe) -> Channels {
 }
 
 /// A recipe over frames on both sides, with one pass swapped for its twin and a fault in one, if any.
-fn validated(
+pub fn validated(
     recipe: &Recipe,
     precision: Precision,
     frames: impl Iterator<Item = Frame>,
@@ -33,8 +33,12 @@ fn validated(
     fault: Option<Fault<'_>>,
 ) -> Validation {
     let mut frames = frames.peekable();
-    let sizes = frames.peek().unwrap().sizes();
-    let mut validator = Validator::new(gpu(), recipe, precision, (sizes, channels(recipe)), swapped, fault).unwrap();
+    let first = frames.peek().unwrap();
+    let channels = Channels {
+        several: first.several(),
+        ..channels(recipe)
+    };
+    let mut validator = Validator::new(gpu(), recipe, precision, (first.sizes(), channels), swapped, fault).unwrap();
     let frames = frames.map(|frame| validator.frame(&frame).unwrap()).collect();
     Validation::new(validator.bounds(), frames)
 }

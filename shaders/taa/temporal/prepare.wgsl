@@ -17,10 +17,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(id.xy >= textureDimensions(color))) {
         return;
     }
-    let raw = textureLoad(input_color, id.xy, 0).rgb;
-    let prepared = to_domain(repaired(raw), domain);
+    // Alpha is 0 where one of several samples was repaired when they were merged.
+    let raw = textureLoad(input_color, id.xy, 0);
+    let prepared = to_domain(repaired(raw.rgb), domain);
     var unlit_luma = luma(prepared);
-    var hostile = any_hostile(raw);
+    var hostile = any_hostile(raw.rgb) || raw.a == 0.0;
     if (with_albedo) {
         let albedo = textureLoad(input_albedo, id.xy, 0).rgb;
         unlit_luma = luma(repaired(albedo));
@@ -30,12 +31,4 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         atomicAdd(&repaired_texels, 1u);
     }
     textureStore(color, id.xy, vec4f(prepared, unlit_luma));
-}
-
-fn any_hostile(c: vec3f) -> bool {
-    return is_hostile(c.r) || is_hostile(c.g) || is_hostile(c.b);
-}
-
-fn repaired(c: vec3f) -> vec3f {
-    return vec3f(repair(c.r), repair(c.g), repair(c.b));
 }

@@ -2,7 +2,7 @@
 
 use super::{
     Camera, ColorSource, DepthKind, DepthSource, FarPlane, FrameEntry, Manifest, ManifestError, MotionSource, SCHEMA,
-    Section,
+    Section, item_names,
 };
 use crate::{
     image::Extent,
@@ -10,6 +10,8 @@ use crate::{
 };
 
 const MAX_SIDE: u32 = 16384;
+/// More samples or layers than any engine writes.
+const MAX_ITEMS: u32 = 16;
 const MAX_NAME: usize = 120;
 /// Jitter written as f32 in another unit may come out a little past half a pixel.
 const MAX_JITTER_PX: f64 = 0.5 + 1e-6;
@@ -42,9 +44,7 @@ pub(super) fn check(manifest: &Manifest) -> Checked {
     size(manifest.render_size, "render_size")?;
     size(manifest.output_size, "output_size")?;
     positive(manifest.display.exposure, "display.exposure")?;
-    ensure(manifest.layers.is_none(), "layers", || {
-        "not supported yet; leave it out or null".to_owned()
-    })?;
+    several(manifest)?;
     if let Some(checkerboard) = &manifest.checkerboard {
         let alternates = !checkerboard.parity.is_empty() && checkerboard.parity.iter().all(|parity| *parity <= 1);
         ensure(alternates, "checkerboard.parity", || {
@@ -66,6 +66,58 @@ pub(super) fn check(manifest: &Manifest) -> Checked {
         .iter()
         .enumerate()
         .try_for_each(|(i, entry)| frame(manifest, i, entry))
+}
+
+/// Samples or layers: how many, and that what differs between them has a name for each.
+fn several(manifest: &Manifest) -> Checked {
+    let (samples, layers) = (manifest.samples.as_ref(), manifest.layers.as_ref());
+    ensure(samples.is_none() || layers.is_none(), "layers", || {
+        "a sequence has `samples` or `layers`, not both".to_owned()
+    })?;
+    let declared = samples.map(|samples| ("samples", "sample", samples.count));
+    let declared = declared.or(layers.map(|layers| ("layers", "layer", layers.count)));
+    if let Some((field, _, count)) = declared {
+        ensure((2..=MAX_ITEMS).contains(&count), format!("{field}.count"), || {
+            format!("{count} must be 2 to {MAX_ITEMS}")
+        })?;
+        ensure(manifest.checkerboard.is_none(), field, || {
+            "frames of a checkerboard have one colour a pixel; leave out one of both".to_owned()
+        })?;
+    }
+    let is_own = |section| {
+        matches!(
+            section,
+            Section::Color | Section::Depth | Section::Motion | Section::Opacity
+        )
+    };
+    for (section, path, channels) in manifest.sections() {
+        for held in item_names(path, channels) {
+            ensure(
+                declared.is_some_and(|(_, name, _)| name == held),
+                section.to_string(),
+                || format!("holds {{{held}}}, and the manifest has no `{held}s`"),
+            )?;
+            ensure(is_own(section), section.to_string(), || {
+                format!("cannot differ by {{{held}}}; color, depth and motion can")
+            })?;
+        }
+    }
+    let Some((_, name, _)) = declared else {
+        return Ok(());
+    };
+    let needed: &[Section] = match layers {
+        Some(_) => &[Section::Color, Section::Motion, Section::Opacity],
+        None => &[Section::Color],
+    };
+    let sections = manifest.sections().into_iter();
+    for (section, path, channels) in sections.filter(|(section, ..)| needed.contains(section)) {
+        ensure(!item_names(path, channels).is_empty(), section.to_string(), || {
+            format!("is the same for every {name}; put {{{name}}} into its path or channels")
+        })?;
+    }
+    ensure(layers.is_none() || manifest.motion.is_some(), "motion", || {
+        "missing, and every layer has a motion of its own".to_owned()
+    })
 }
 
 fn size(size: Extent, field: &str) -> Checked {
@@ -148,9 +200,11 @@ fn frame(manifest: &Manifest, i: usize, entry: &FrameEntry) -> Checked {
         format!("{} must be {i}: frames are listed in order, from 0", entry.index)
     })?;
     for image in manifest.images() {
-        ensure(image.path.for_frame(entry).is_some(), at("file_frame"), || {
-            format!("missing, and {}.path is `{}`", image.section, image.path)
-        })?;
+        ensure(
+            image.path.for_frame(entry, image.item).is_some(),
+            at("file_frame"),
+            || format!("missing, and {}.path is `{}`", image.section, image.path),
+        )?;
     }
     jitter(manifest, entry, &at("jitter"))?;
     if let Some(exposure) = entry.exposure {

@@ -4,8 +4,9 @@ use super::FrameEntry;
 use serde::{Deserialize, Deserializer, de};
 use std::fmt;
 
-/// A relative path such as `input/{file_frame:04}.exr`. `{file_frame}` and `{index}` are known; `:04` pads with zeros
-/// to four digits, and any width will do. Without a placeholder every frame shares the file.
+/// A relative path such as `input/{file_frame:04}.exr`. `{file_frame}` and `{index}` are known, and `{sample}` or `{layer}`
+/// where pixels have several; `:04` pads with zeros to four digits, and any width will do. Without a placeholder every frame
+/// shares the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PathTemplate {
     text: String,
@@ -22,6 +23,8 @@ enum Segment {
 enum Number {
     FileFrame,
     Index,
+    /// Of a sample or a layer, as the word says.
+    Item(&'static str),
 }
 
 impl PathTemplate {
@@ -51,8 +54,14 @@ impl PathTemplate {
         })
     }
 
-    /// The path for one frame; none when the template asks for a `file_frame` that the frame does not give.
-    pub fn for_frame(&self, frame: &FrameEntry) -> Option<String> {
+    /// Whether it holds the number of a sample or layer under this name.
+    pub fn numbers_items_as(&self, name: &str) -> bool {
+        let is_it = |segment: &Segment| matches!(segment, Segment::Number { of: Number::Item(of), .. } if *of == name);
+        self.segments.iter().any(is_it)
+    }
+
+    /// The path for one frame and one of its samples or layers; none when the template asks for a `file_frame` that the frame does not give.
+    pub fn for_frame(&self, frame: &FrameEntry, item: usize) -> Option<String> {
         let mut path = String::new();
         for segment in &self.segments {
             match segment {
@@ -61,6 +70,7 @@ impl PathTemplate {
                     let number = match of {
                         Number::FileFrame => frame.file_frame?,
                         Number::Index => frame.index as u64,
+                        Number::Item(_) => item as u64,
                     };
                     path.push_str(&format!("{number:0width$}"));
                 }
@@ -75,6 +85,8 @@ fn placeholder(name: &str) -> Result<Segment, String> {
     let of = match number {
         "file_frame" => Number::FileFrame,
         "index" => Number::Index,
+        "sample" => Number::Item("sample"),
+        "layer" => Number::Item("layer"),
         _ => {
             return Err(format!(
                 "`{{{name}}}` is unknown; use {{file_frame:04}} or {{index:04}}"
@@ -139,12 +151,14 @@ mod tests {
             ("{index:02}/{file_frame}.png", "03/17.png"),
             ("{index:08}.exr", "00000003.exr"),
             ("still.exr", "still.exr"),
+            ("{index}/{sample:02}.exr", "3/05.exr"),
+            ("{layer}.exr", "5.exr"),
         ] {
-            let path = PathTemplate::parse(template).unwrap().for_frame(&frame(3, Some(17)));
+            let path = PathTemplate::parse(template).unwrap().for_frame(&frame(3, Some(17)), 5);
             assert_eq!(path.as_deref(), Some(expected));
         }
         let numbered = PathTemplate::parse("{file_frame}.exr").unwrap();
-        assert_eq!(numbered.for_frame(&frame(0, None)), None);
+        assert_eq!(numbered.for_frame(&frame(0, None), 0), None);
     }
 
     #[test]

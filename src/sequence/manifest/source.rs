@@ -316,3 +316,48 @@ pub struct PlaneSource {
     /// Full channel name.
     pub channel: String,
 }
+
+/// Several samples of each pixel, `{sample}` in paths or channel names.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SamplesSource {
+    /// How many, counted from 0.
+    pub count: u32,
+}
+
+/// Several layers of each pixel, `{layer}` in paths or channel names, the nearest first.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LayersSource {
+    /// How many, counted from 0.
+    pub count: u32,
+    /// How much of the light each takes.
+    pub alpha: AlphaSource,
+    /// Colours are multiplied by their layer's opacity already.
+    #[serde(default)]
+    pub premultiplied: bool,
+}
+
+/// Files of a layer's opacity.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AlphaSource {
+    /// Where they are.
+    pub path: PathTemplate,
+    /// Full channel name.
+    pub channel: String,
+    /// What is stored.
+    #[serde(default)]
+    pub meaning: AlphaMeaning,
+}
+
+/// What a layer's alpha says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AlphaMeaning {
+    /// 1 hides what lies behind.
+    #[default]
+    Opacity,
+    /// 1 hides nothing.
+    Transmittance,
+}

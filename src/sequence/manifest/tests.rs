@@ -95,7 +95,18 @@ fn each_wrong_value_is_named() {
             json!({"parity": []}),
             "checkerboard.parity: must be a list",
         ),
-        ("/layers", json!([]), "layers: not supported"),
+        ("/samples", json!({"count": 1}), "samples.count: 1 must be 2 to 16"),
+        ("/samples", json!({"count": 4}), "color: is the same for every sample"),
+        (
+            "/color/path",
+            json!("{sample}.exr"),
+            "color: holds {sample}, and the manifest has no `samples`",
+        ),
+        (
+            "/layers",
+            json!({"count": 2, "alpha": {"path": "a.exr", "channel": "A"}}),
+            "color: is the same for every layer",
+        ),
         ("/frames", json!([]), "frames: is empty"),
         ("/frames/1/index", json!(2), "frames[1].index: 2 must be 1"),
         (

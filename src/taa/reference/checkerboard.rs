@@ -108,6 +108,7 @@ mod tests {
             reactive: None,
             unjittered_color: None,
             reference: None,
+            others: None,
         }
     }
 

@@ -161,24 +161,42 @@ pub struct Prepared<R> {
     pub repaired_texels: u64,
 }
 
-/// Repairs a frame's colour, and its albedo where that is read, and maps the colour into `domain`.
+/// A colour without hostile components.
+#[derive(Clone, Debug)]
+pub struct Repaired<R> {
+    /// Linear.
+    pub color: Image<Color<R>>,
+    /// Where there was one.
+    pub hostile: Image<bool>,
+}
+
+/// Each component, and where that was needed.
+pub fn repaired<R: Real>(image: &Image<Rgb>) -> Repaired<R> {
+    Repaired {
+        color: image.map(|rgb| Color(rgb.map(|channel| R::new(f64::from(repair(channel)))))),
+        hostile: image.map(|rgb| rgb.into_iter().any(is_hostile)),
+    }
+}
+
+/// Maps a frame's colour into `domain`, repairs its albedo where that is read, and counts the repaired texels of both.
 pub fn prepare<R: Real>(
-    color: &Image<Rgb>,
+    color: &Repaired<R>,
     albedo: Option<&Image<Rgb>>,
     domain: Domain,
     display: &Display,
 ) -> Prepared<R> {
-    let any_hostile = |rgb: &Rgb| rgb.iter().any(|&channel| is_hostile(channel));
-    let repaired = |rgb: Rgb| Color(rgb.map(|channel| R::new(f64::from(repair(channel)))));
-    let needed_repair =
-        |i: &usize| any_hostile(&color.pixels()[*i]) || albedo.is_some_and(|albedo| any_hostile(&albedo.pixels()[*i]));
-    let prepared = color.map(|rgb| repaired(rgb).to_domain(domain, display));
+    let albedo = albedo.map(repaired::<R>);
+    let needed_repair = |i: &usize| {
+        let albedo = albedo.as_ref().is_some_and(|albedo| albedo.hostile.pixels()[*i]);
+        color.hostile.pixels()[*i] || albedo
+    };
+    let prepared = color.color.map(|linear| linear.to_domain(domain, display));
     Prepared {
-        unlit_luma: match albedo {
-            Some(albedo) => albedo.map(|rgb| repaired(rgb).luma()),
+        repaired_texels: (0..prepared.pixels().len()).filter(needed_repair).count() as u64,
+        unlit_luma: match &albedo {
+            Some(albedo) => albedo.color.map(Color::luma),
             None => prepared.map(Color::luma),
         },
         color: prepared,
-        repaired_texels: (0..color.pixels().len()).filter(needed_repair).count() as u64,
     }
 }

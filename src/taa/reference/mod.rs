@@ -9,6 +9,7 @@ pub mod color;
 mod display;
 mod fxaa;
 mod hull;
+mod merge;
 mod neighbourhood;
 mod output;
 mod phlm2016;
@@ -110,7 +111,7 @@ impl<R: Real> Twin<R> {
     /// When the frame lacks a channel of [`Recipe::required_channels`] or the parity that the recipe needs, or [`Recipe::check_sizes`] refuses its sizes.
     pub fn resolve(&mut self, frame: &Frame) -> Resolved<R> {
         self.begin(frame);
-        for pass in self.passes() {
+        for pass in self.passes(frame) {
             for plane in self.compute(pass, frame) {
                 self.keep(pass, &plane);
             }
@@ -149,6 +150,8 @@ impl<R: Real> Twin<R> {
             input_weights: blackman_harris(jitter_px),
             color: self.planes.antialiased.as_ref().unwrap_or(made(&self.planes.color)),
             planes: &self.planes,
+            depth_image: self.images.depth.as_ref(),
+            motion_px: self.planes.merged_motion_px.as_ref().or(frame.motion_px.as_ref()),
             previous: self.previous.as_ref(),
         }
     }
@@ -166,6 +169,9 @@ struct Pixels<'a, R> {
     input_weights: [R; 9],
     color: &'a Image<Color<R>>,
     planes: &'a Planes<R>,
+    /// Of every pixel one, where the recipe reads them.
+    depth_image: Option<&'a Image<f32>>,
+    motion_px: Option<&'a Image<[f32; 2]>>,
     /// None in the first frame and after a reset.
     previous: Option<&'a Previous<R>>,
 }

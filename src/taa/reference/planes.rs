@@ -3,6 +3,7 @@
 
 use super::{
     Color, Real,
+    color::Repaired,
     phlm2016::Covariance,
     smaa::{Sides, Weights},
     sobel2018::Scalars,
@@ -140,6 +141,9 @@ impl Plane<f64> {
 /// What has been written so far in a frame; none of what its passes have not come to, or do not write without history.
 #[derive(Clone, Debug, Default)]
 pub struct Planes<R> {
+    /// Of several samples or layers, linear.
+    pub merged: Option<Repaired<R>>,
+    pub merged_motion_px: Option<Image<[f32; 2]>>,
     /// In the working domain.
     pub color: Option<Image<Color<R>>>,
     pub unlit_luma: Option<Image<R>>,

@@ -103,22 +103,17 @@ impl<R: Real> Pixels<'_, R> {
 
     /// Linear view depth; what is not finite and positive is sky.
     pub fn depth(&self, x: i64, y: i64) -> f64 {
-        let depth = self.frame.depth.as_ref().expect("validated: the recipe needs depth");
+        let depth = self.depth_image.expect("validated: the recipe needs depth");
         depth_or_sky(depth.clamped(x, y))
     }
 
     /// The texel's own motion in input pixels; none where it is not finite or longer than four images.
     pub fn motion_at(&self, x: i64, y: i64) -> Option<Motion<R>> {
-        let motion = self
-            .frame
-            .motion_px
-            .as_ref()
-            .expect("validated: the recipe needs motion");
+        let motion = self.motion_px.expect("validated: the recipe needs motion");
         let px = motion.clamped(x, y).map(f64::from);
-        let extent = self.color.extent();
         // In f64 no f32 overflows when squared; the comparison is false for NaN, too.
         let length = (px[0] * px[0] + px[1] * px[1]).sqrt();
-        (length <= 4.0 * f64::from(extent.width.max(extent.height))).then(|| Motion {
+        (length <= self.frame.longest_motion_px()).then(|| Motion {
             texel: [x, y],
             px: px.map(R::new),
             length_px: R::new(length),

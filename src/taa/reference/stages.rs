@@ -3,8 +3,8 @@
 
 use super::{
     Pixels, Twin, color,
-    color::Color,
-    fxaa,
+    color::{Color, Repaired},
+    fxaa, merge,
     planes::{Left, Moments, Plane, Scale, made},
     quasi_cubic,
     real::Real,
@@ -22,9 +22,12 @@ use crate::{
 };
 
 impl<R: Real> Twin<R> {
-    /// The names of the passes in their order: `prepare`, and those of [`crate::taa::Recipe::passes`].
-    pub fn passes(&self) -> Vec<&'static str> {
-        [&["prepare"], &*self.recipe.passes()].concat()
+    /// The names of the passes in their order: `merge` where pixels have several samples or layers, `prepare`, and those of
+    /// [`crate::taa::Recipe::passes`].
+    pub fn passes(&self, frame: &Frame) -> Vec<&'static str> {
+        let merges = frame.others.as_ref().map(|_| "merge");
+        let before = merges.into_iter().chain(["prepare"]);
+        before.chain(self.recipe.passes()).collect()
     }
 
     /// What `pass` writes, from what the passes before it and the frame before left. Nothing where it would only look at a
@@ -33,8 +36,10 @@ impl<R: Real> Twin<R> {
     /// # Panics
     /// Where there is no such pass, or one before it has not been kept.
     pub fn compute(&self, pass: &str, frame: &Frame) -> Vec<Plane<R>> {
-        if pass == "prepare" {
-            return self.prepare(frame);
+        match pass {
+            "merge" => return self.merge(frame),
+            "prepare" => return self.prepare(frame),
+            _ => {}
         }
         let pixels = self.pixels(frame);
         let scale = Scale::of(self.recipe.domain);
@@ -103,6 +108,16 @@ impl<R: Real> Twin<R> {
         let planes = &mut self.planes;
         let left = &mut planes.left;
         match (pass, plane.name) {
+            (_, "merged_color") => {
+                planes.merged = Some(Repaired {
+                    color: plane.to_colors(),
+                    hostile: plane.image(|c| c[3] == R::new(0.0)),
+                });
+            }
+            (_, "merged_motion") => {
+                planes.merged_motion_px = Some(plane.image(|c| [c[0], c[1]].map(|px| px.to_f64() as f32)));
+            }
+            (_, "merged_depth") => self.images.depth = Some(plane.image(|c| c[0].to_f64() as f32)),
             ("prepare", "color") => {
                 planes.color = Some(plane.to_colors());
                 planes.unlit_luma = (plane.scales.len() == 4).then(|| plane.image(|c| c[3]));
@@ -138,14 +153,36 @@ impl<R: Real> Twin<R> {
         }
     }
 
+    fn merge(&self, frame: &Frame) -> Vec<Plane<R>> {
+        let Repaired { color, hostile } = merge::color::<R>(frame);
+        let both: Vec<_> = color.pixels().iter().zip(hostile.pixels()).collect();
+        let both = Image::from_pixels(color.extent(), both);
+        let scales = [Scale::Open, Scale::Open, Scale::Open, Scale::Range];
+        let merged = Plane::new("merged_color", scales, &both, |(color, hostile)| {
+            let [r, g, b] = color.0;
+            [r, g, b, R::new(if *hostile { 0.0 } else { 1.0 })]
+        });
+        let read = self.recipe.required_channels();
+        let motion = merge::motion_px(frame).filter(|_| read.motion);
+        let depth = merge::depth(frame).filter(|_| read.depth);
+        let motion = motion.map(|motion| {
+            Plane::new("merged_motion", [Scale::Range; 2], &motion, |px| {
+                px.map(|px| R::new(px.into()))
+            })
+        });
+        let depth = depth.map(|depth| Plane::new("merged_depth", [Scale::Open], &depth, |z| [R::new(z.into())]));
+        [merged].into_iter().chain(motion).chain(depth).collect()
+    }
+
     fn prepare(&self, frame: &Frame) -> Vec<Plane<R>> {
         let recipe = &self.recipe;
-        let source = match (recipe.source, &frame.unjittered_color) {
-            (Source::UnjitteredIfPresent, Some(unjittered)) => unjittered,
-            _ => &frame.color,
+        let repaired = match (recipe.source, &frame.unjittered_color, &self.planes.merged) {
+            (Source::UnjitteredIfPresent, Some(unjittered), _) => color::repaired(unjittered),
+            (_, _, Some(merged)) => merged.clone(),
+            _ => color::repaired(&frame.color),
         };
         let albedo = frame.albedo.as_ref().filter(|_| recipe.optional_channels().albedo);
-        let prepared = color::prepare(source, albedo, recipe.domain, &frame.display);
+        let prepared = color::prepare(&repaired, albedo, recipe.domain, &frame.display);
         let scale = Scale::of(recipe.domain);
         let color = if recipe.finds_edges() {
             let luma = prepared.unlit_luma.pixels();

@@ -102,6 +102,7 @@ mod tests {
             reactive: None,
             unjittered_color: None,
             reference: None,
+            others: None,
         }
     }
 

@@ -109,6 +109,7 @@ pub fn frame(extent: Extent, index: usize) -> Frame {
         reactive: Some(reactive),
         unjittered_color: None,
         reference: None,
+        others: None,
     }
 }
 
@@ -126,12 +127,14 @@ pub fn resolve_on_gpu(
     let channels = recipe.required_channels().union(Channels {
         albedo: optional.albedo && first.albedo.is_some(),
         object_id: optional.object_id && first.object_id.is_some(),
+        several: first.several(),
         ..Channels::default()
     });
     let wanted = BTreeSet::from([recipe.preparation()]);
+    let n_merges = usize::from(channels.several.is_some());
     let mut inputs = Inputs::new(gpu, sizes, channels, &wanted).unwrap();
     let mut resolver = Resolver::new(gpu, recipe.clone(), precision, sizes).unwrap();
-    let mut timer = Timer::new(gpu, 1 + recipe.passes().len() as u32);
+    let mut timer = Timer::new(gpu, 2 + recipe.passes().len() as u32);
     frames
         .map(|frame| {
             inputs.upload(gpu, &frame).unwrap();
@@ -150,7 +153,7 @@ pub fn resolve_on_gpu(
             gpu.wait(submission).unwrap();
             let n_timed = times.read(&readback).unwrap().len();
             assert!(
-                [0, 1 + recipe.passes().len()].contains(&n_timed),
+                [0, n_merges + 1 + recipe.passes().len()].contains(&n_timed),
                 "{n_timed} passes were recorded, `prepare` and {:?} announced",
                 recipe.passes()
             );
