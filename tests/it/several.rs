@@ -278,15 +278,18 @@ fn merging_pays() {
     );
 }
 
+/// Makes a mistake in a manifest.
+type Alter = dyn Fn(&mut serde_json::Value);
+
 #[test]
 fn manifests_that_make_no_sense_are_refused() {
-    let refused = |name: &str, alter: &dyn Fn(&mut serde_json::Value)| {
+    let refused = |name: &str, alter: &Alter| {
         let manifest = fs::read_to_string(fixture(name).join("manifest.json")).unwrap();
         let mut manifest = serde_json::from_str(&manifest).unwrap();
         alter(&mut manifest);
         Manifest::from_value(manifest).unwrap_err().to_string()
     };
-    let cases: [(&str, &dyn Fn(&mut serde_json::Value), &str); 8] = [
+    let cases: [(&str, &Alter, &str); 8] = [
         (
             "samples",
             &|m| m["samples"]["count"] = 17.into(),
