@@ -17,5 +17,6 @@ pub mod sequence;
 pub mod server;
 pub mod store;
 pub mod taa;
+pub mod verdict;
 pub mod web;
 pub mod worker;

@@ -3,6 +3,7 @@
 
 mod cli;
 
+use afterimage::verdict::Outcome;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -23,9 +24,13 @@ enum Command {
     Run(cli::run::Arguments),
     Bake(cli::bake::Arguments),
     Compare(cli::compare::Arguments),
+    Ci(cli::ci::Arguments),
     Serve(cli::serve::Arguments),
     Submit(cli::submit::Arguments),
+    Regressions(cli::regressions::Arguments),
+    Token(cli::token::Arguments),
     List(cli::list::Arguments),
+    Openapi(cli::openapi::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -37,7 +42,14 @@ fn main() -> ExitCode {
         Command::Compare(arguments) => cli::compare::run(&arguments),
         Command::Serve(arguments) => cli::serve::run(arguments),
         Command::Submit(arguments) => cli::submit::run(&arguments),
+        Command::Ci(arguments) => match cli::ci::run(&arguments) {
+            Ok(Outcome::Unknown) => return ExitCode::from(2),
+            other => other.map(|outcome| outcome == Outcome::Ok),
+        },
+        Command::Regressions(arguments) => cli::regressions::run(&arguments),
+        Command::Token(arguments) => cli::token::run(&arguments),
         Command::List(arguments) => cli::list::run(&arguments),
+        Command::Openapi(arguments) => cli::openapi::run(&arguments),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

@@ -13,9 +13,11 @@ use crate::{
             exr::{FloatFormat, write_rgb_exr},
         },
     },
-    run::{self, Observer, RunError, RunSpec, report::AdapterInfo, report::Report},
+    run::{self, Comparison, Observer, RunError, RunSpec, report::AdapterInfo, report::Report},
     sequence::{Sequence, frame::Rgb},
-    store::{Claim, DataFolder, Failure, FailureKind, Images, Status, Store, StoreError, Timestamp},
+    store::{
+        Claim, DataFolder, Environment, Failure, FailureKind, Images, Outputs, Status, Store, StoreError, Timestamp,
+    },
 };
 use std::{
     any::Any,
@@ -110,6 +112,10 @@ pub struct Worker {
     pub shutdown: CancellationToken,
     /// Runs the store's queries and the heartbeat.
     pub runtime: Handle,
+    /// Reads images that came from elsewhere.
+    pub reader: FileReader,
+    /// How this machine's clocks are held; empty where they are not.
+    pub clocks: String,
 }
 
 impl Worker {
@@ -188,8 +194,30 @@ impl Worker {
             progress,
         };
         let folder = self.folder.sequence(&claim.sequence_hash);
-        let run = AssertUnwindSafe(|| runner.run(&folder, &claim.spec.run, &observer));
+        let run = AssertUnwindSafe(|| match &claim.spec.outputs {
+            None => runner.run(&folder, &claim.spec.run, &observer),
+            Some(outputs) => self.compare(&folder, &claim.spec.run, outputs, &observer),
+        });
         catch_unwind(run).unwrap_or_else(|panic| Err(RunError::Internal(panic_message(&*panic).to_owned())))
+    }
+
+    /// Images of another system against the sequence's references.
+    fn compare(
+        &self,
+        folder: &Path,
+        spec: &RunSpec,
+        outputs: &Outputs,
+        observer: &dyn Observer,
+    ) -> Result<Report, RunError> {
+        let sequence = Sequence::open(folder, &self.reader)?;
+        let comparison = Comparison {
+            system: outputs.system.clone(),
+            parameters: serde_json::Value::Object(outputs.parameters.clone()),
+            adapter: outputs.environment.adapter.clone(),
+            images: outputs.images.values().map(|hash| self.folder.blob(hash)).collect(),
+            metrics: spec.metrics.clone(),
+        };
+        run::compare_outputs(&comparison, &sequence, observer)
     }
 
     async fn end(
@@ -201,7 +229,7 @@ impl Worker {
         let now = Timestamp::now();
         let (kind, code) = match &outcome {
             Ok(report) => {
-                self.store.finish(claim, report, now).await?;
+                self.store.finish(claim, report, &self.environment(report), now).await?;
                 return Ok(Status::Done);
             }
             Err(RunError::Cancelled) if progress.cancelled.load(Relaxed) => {
@@ -226,11 +254,34 @@ impl Worker {
         self.store.fail(claim, &failure, now).await
     }
 
+    /// What ran: the adapter as the run found it, on this machine.
+    fn environment(&self, report: &Report) -> Environment {
+        Environment {
+            adapter: report.adapter.clone(),
+            os: operating_system(),
+            clocks: self.clocks.clone(),
+        }
+    }
+
     /// Removes the images of a job that has no report to go with them.
     fn discard_outputs(&self, job_id: i64) {
         if let Err(error) = self.folder.remove_outputs(job_id) {
             tracing::warn!(job = job_id, %error, "cannot remove the job's images");
         }
+    }
+}
+
+/// This machine's system and its version, such as `debian 12`.
+pub fn operating_system() -> String {
+    let text = fs::read_to_string("/etc/os-release").unwrap_or_default();
+    let field = |name: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix('='));
+        line.unwrap_or_default().trim_matches('"').to_owned()
+    };
+    let known = format!("{} {}", field("ID"), field("VERSION_ID"));
+    match known.trim() {
+        "" => std::env::consts::OS.to_owned(),
+        known => known.to_owned(),
     }
 }
 

@@ -7,12 +7,17 @@
 )]
 
 pub mod bake;
+pub mod ci;
+pub mod client;
 pub mod compare;
 pub mod list;
+pub mod openapi;
+pub mod regressions;
 pub mod run;
 pub mod serve;
 pub mod submit;
 pub mod table;
+pub mod token;
 mod validation;
 
 use anyhow::Context;
@@ -67,15 +72,19 @@ pub fn complain(message: &str) {
     eprintln!("error: {message}");
 }
 
-/// Sends the library's log to standard error: warnings, or what `AFTERIMAGE_LOG` asks for.
+/// Sends the library's log to standard error: warnings, or what `AFTERIMAGE_LOG` asks for; as JSON
+/// where `AFTERIMAGE_LOG_FORMAT` is `json`.
 pub fn log_to_stderr() {
     let filter = tracing_subscriber::EnvFilter::try_from_env("AFTERIMAGE_LOG")
         .unwrap_or_else(|_| "warn,afterimage=info,wgpu_hal=error".into());
-    tracing_subscriber::fmt()
+    let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .init();
+        .with_writer(std::io::stderr);
+    // One JSON object a line, for whoever collects logs.
+    match std::env::var("AFTERIMAGE_LOG_FORMAT").as_deref() {
+        Ok("json") => lines.json().init(),
+        _ => lines.with_ansi(std::io::stderr().is_terminal()).init(),
+    }
 }
 
 /// A progress bar on standard error; nothing where that is not a terminal.
@@ -86,4 +95,16 @@ pub fn progress_bar(title: &str, n_total: u64) -> indicatif::ProgressBar {
     indicatif::ProgressBar::new(n_total)
         .with_style(style)
         .with_prefix(title.to_owned())
+}
+
+/// Text as a part of a query.
+pub fn percent_encoded(text: &str) -> String {
+    let mut encoded = String::with_capacity(text.len());
+    for byte in text.bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'~' => encoded.push(byte as char),
+            other => encoded += &format!("%{other:02X}"),
+        }
+    }
+    encoded
 }

@@ -1,18 +1,22 @@
 //! `afterimage submit`: the API's client. Puts sequences, posts a job for each, follows them, and shows the reports.
 
-use super::{JsonTarget, print, progress_bar, run::What, run::file_reader, table};
+use super::{
+    JsonTarget,
+    client::{Client, TokenOption},
+    print, progress_bar,
+    run::What,
+    run::file_reader,
+    table,
+};
 use afterimage::{
     image::files::Backend,
     metrics::{Metric, Value as MetricValue},
     run::{RunSpec, Validate},
     sequence::Sequence,
 };
-use anyhow::{Context, bail};
+use anyhow::Context;
 use serde_json::{Value, json};
-use std::{
-    io::{BufRead, BufReader, Seek},
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 /// Send sequences to a service, run presets on them there, and show the reports
 #[derive(clap::Args)]
@@ -28,6 +32,8 @@ pub struct Arguments {
     manifests: Vec<PathBuf>,
     #[command(flatten)]
     what: What,
+    #[command(flatten)]
+    token: TokenOption,
     /// Branch that the frames were made from, for trends
     #[arg(long, value_name = "NAME")]
     branch: Option<String>,
@@ -46,22 +52,22 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
-    let service = Service::new(&arguments.url);
+    let client = Client::new(&arguments.url, &arguments.token);
     let mut jobs = Vec::new();
     for manifest in &arguments.manifests {
-        let job = service.submit(arguments, manifest);
+        let job = submit(&client, arguments, manifest);
         jobs.push(job.with_context(|| manifest.display().to_string())?);
     }
     if !arguments.no_wait {
         for job in &mut jobs {
-            *job = service.follow(job)?;
+            *job = follow(&client, job)?;
         }
     }
     if let Some(target) = &arguments.json {
         target.write(&jobs)?;
     }
     if !JsonTarget::takes_stdout(arguments.json.as_ref()) {
-        print(&show(&jobs, &arguments.what.metrics, &service));
+        print(&show(&jobs, &arguments.what.metrics, &client));
     }
     let reports = |job: &Value| job["reports"].as_array().cloned().unwrap_or_default();
     let agrees = |job: &Value| {
@@ -73,100 +79,49 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     Ok(jobs.iter().all(ended_well))
 }
 
-/// The service, spoken to over HTTP.
-struct Service {
-    url: String,
-    agent: ureq::Agent,
+/// Sends a sequence and queues a job for it.
+fn submit(client: &Client, arguments: &Arguments, manifest: &Path) -> anyhow::Result<Value> {
+    let sequence = Sequence::open(manifest, &file_reader(Backend::Auto))?;
+    let spec = arguments.what.spec(&sequence)?;
+    let hash = put(client, &sequence)?;
+    let mut job = job(&spec, &hash);
+    job["branch"] = json!(arguments.branch);
+    job["commit"] = json!(arguments.commit);
+    job["label"] = json!(arguments.label);
+    client.post("jobs", &job)
 }
 
-impl Service {
-    fn new(url: &str) -> Self {
-        // Problems come as JSON bodies, which are worth more than the status alone.
-        let config = ureq::Agent::config_builder().http_status_as_error(false).build();
-        Self {
-            url: url.trim_end_matches('/').to_owned(),
-            agent: config.into(),
-        }
-    }
+/// Sends a sequence; its content hash.
+pub fn put(client: &Client, sequence: &Sequence) -> anyhow::Result<String> {
+    let mut archive = tempfile::tempfile()?;
+    sequence.pack(&mut archive)?;
+    let stored = client.put(&format!("sequences/{}", plain_name(sequence.name())), &archive)?;
+    Ok(stored["hash"].as_str().context("the service named no hash")?.to_owned())
+}
 
-    fn api(&self, path: &str) -> String {
-        format!("{}/api/v1/{path}", self.url)
-    }
+/// The body of a job.
+pub fn job(spec: &RunSpec, hash: &str) -> Value {
+    json!({
+        "sequence": hash,
+        "presets": spec.presets,
+        "metrics": spec.metrics,
+        "history": spec.history,
+        "repeat": spec.repeat,
+        "frames": spec.n_frames,
+        "validate": spec.validate != Validate::No,
+        "bisect": spec.validate == Validate::Bisect,
+    })
+}
 
-    /// The answer's JSON, or the problem it describes.
-    fn answer(&self, response: Result<ureq::http::Response<ureq::Body>, ureq::Error>) -> anyhow::Result<Value> {
-        let mut response = response.with_context(|| format!("no answer from {}; is the service running?", self.url))?;
-        let status = response.status();
-        let body: Value = response
-            .body_mut()
-            .read_json()
-            .with_context(|| format!("{status} from {}", self.url))?;
-        if status.is_success() {
-            return Ok(body);
-        }
-        let text = |key: &str| body[key].as_str().unwrap_or_default().to_owned();
-        bail!("the service refused ({status}, {}): {}", text("code"), text("detail"))
-    }
-
-    /// Sends a sequence and queues a job for it.
-    fn submit(&self, arguments: &Arguments, manifest: &Path) -> anyhow::Result<Value> {
-        let sequence = Sequence::open(manifest, &file_reader(Backend::Auto))?;
-        let spec = arguments.what.spec(&sequence)?;
-        let hash = self.put(&sequence)?;
-        self.post(arguments, &spec, &hash)
-    }
-
-    /// Sends a sequence; its content hash.
-    fn put(&self, sequence: &Sequence) -> anyhow::Result<String> {
-        let mut archive = tempfile::tempfile()?;
-        sequence.pack(&mut archive)?;
-        archive.rewind()?;
-        let url = self.api(&format!("sequences/{}", plain_name(sequence.name())));
-        let stored = self.answer(self.agent.put(url).send(archive))?;
-        Ok(stored["hash"].as_str().context("the service named no hash")?.to_owned())
-    }
-
-    /// Queues a job.
-    fn post(&self, arguments: &Arguments, spec: &RunSpec, hash: &str) -> anyhow::Result<Value> {
-        let body = json!({
-            "sequence": hash,
-            "presets": spec.presets,
-            "metrics": spec.metrics,
-            "history": spec.history,
-            "repeat": spec.repeat,
-            "frames": spec.n_frames,
-            "validate": spec.validate != Validate::No,
-            "bisect": spec.validate == Validate::Bisect,
-            "branch": arguments.branch,
-            "commit": arguments.commit,
-            "label": arguments.label,
-        });
-        self.answer(self.agent.post(self.api("jobs")).send_json(body))
-    }
-
-    /// Watches a job until it ends; the job with its reports.
-    fn follow(&self, job: &Value) -> anyhow::Result<Value> {
-        let url = self.api(&format!("jobs/{}", job["id"]));
-        let bar = progress_bar(job["sequence_name"].as_str().unwrap_or_default(), 0);
-        loop {
-            // A stream that breaks off before the end (the service was restarted) is opened again.
-            let mut stream = self.agent.get(format!("{url}/events")).call()?;
-            for line in BufReader::new(stream.body_mut().as_reader()).lines() {
-                let Ok(line) = line else { break };
-                if let Some(data) = line.strip_prefix("data:") {
-                    let state: Value = serde_json::from_str(data)?;
-                    bar.set_length(state["n_total"].as_u64().unwrap_or_default());
-                    bar.set_position(state["n_done"].as_u64().unwrap_or_default());
-                }
-            }
-            let job = self.answer(self.agent.get(&url).call())?;
-            if !matches!(job["status"].as_str(), Some("queued" | "running")) {
-                bar.finish_and_clear();
-                return Ok(job);
-            }
-            std::thread::sleep(std::time::Duration::from_secs(1));
-        }
-    }
+/// Watches a job until it ends; the job with its reports.
+pub fn follow(client: &Client, job: &Value) -> anyhow::Result<Value> {
+    let bar = progress_bar(job["sequence_name"].as_str().unwrap_or_default(), 0);
+    let job = client.follow(&job["id"], |state| {
+        bar.set_length(state["n_total"].as_u64().unwrap_or_default());
+        bar.set_position(state["n_done"].as_u64().unwrap_or_default());
+    })?;
+    bar.finish_and_clear();
+    Ok(job)
 }
 
 /// The service takes plain names only; what else there is becomes a dash.
@@ -180,7 +135,7 @@ fn plain_name(name: &str) -> String {
     if name.is_empty() { "sequence".to_owned() } else { name }
 }
 
-fn show(jobs: &[Value], metrics: &[Metric], service: &Service) -> String {
+fn show(jobs: &[Value], metrics: &[Metric], client: &Client) -> String {
     let mut header = vec!["sequence".to_owned(), "preset".to_owned()];
     header.extend(metrics.iter().map(|metric| metric.id().to_owned()));
     header.push("GPU ms".to_owned());
@@ -217,7 +172,7 @@ fn show(jobs: &[Value], metrics: &[Metric], service: &Service) -> String {
             let cause = text(&job["error"]["message"]);
             rest += &format!("{}: {status} {cause}\n", text(&job["sequence_name"]));
         }
-        rest += &format!("{}/jobs/{}\n", service.url, job["id"]);
+        rest += &format!("{}/jobs/{}\n", client.url, job["id"]);
     }
     format!("{table}\n{rest}")
 }

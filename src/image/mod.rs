@@ -3,13 +3,14 @@
 //! An [`Image`] is a plain row-major array, origin top-left, x right, y down. `files` reads and writes image files.
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 pub mod files;
 
 /// Width and height in pixels. Written `[width, height]` in JSON.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "[u32; 2]", into = "[u32; 2]")]
 pub struct Extent {
     /// Columns.

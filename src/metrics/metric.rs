@@ -8,6 +8,7 @@ use super::{
     relative_error, squared_error, ssim, temporal,
 };
 use crate::image::Extent;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::{
     cmp::Ordering,
@@ -18,7 +19,7 @@ use std::{
 };
 
 /// Which way a metric improves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Better {
     /// Larger is better.
@@ -28,7 +29,7 @@ pub enum Better {
 }
 
 /// What a metric's numbers mean. `version` rises whenever they change; only equal versions are compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct MetricInfo {
     /// Stored id; never changes.
     pub id: &'static str,
@@ -43,7 +44,7 @@ pub struct MetricInfo {
 }
 
 /// A metric as lists show it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Listing {
     /// What it is.
     #[serde(flatten)]
@@ -68,6 +69,20 @@ pub(super) struct Definition {
 pub struct Metric {
     definition: &'static Definition,
     mask: Option<Mask>,
+}
+
+impl JsonSchema for Metric {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "MetricId".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "type": "string",
+            "description": "A metric's id, such as `psnr`, or over a mask, such as `psnr.moving`. `/api/v1/metrics` lists them.",
+            "examples": ["psnr", "flip", "psnr.moving"],
+        })
+    }
 }
 
 impl Metric {

@@ -1,10 +1,11 @@
 //! A sequence's values condensed. Frames that cannot be averaged are counted, never dropped in silence.
 
 use super::{Metric, Value, quantity::Quantity, temporal::Change};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One metric over the frames of a sequence.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
     /// Mean of the finite frames; of `flicker` their root mean square. Where there are none, the infinity that all frames share, or NaN.
     pub mean: Value,
@@ -24,14 +25,30 @@ pub struct Summary {
 impl Summary {
     /// Condenses the values of `metric`, one a frame, in any order.
     pub fn new(metric: Metric, values: impl IntoIterator<Item = Value>) -> Self {
+        Self::condense(values, |values| center(metric, values), |values| pool(metric, values))
+    }
+
+    /// Condenses the values of the metric with this id; of one that is measured elsewhere and unknown here, the plain mean.
+    pub fn of(id: &str, values: impl IntoIterator<Item = Value>) -> Self {
+        match id.parse() {
+            Ok(metric) => Self::new(metric, values),
+            Err(_) => Self::condense(values, mean, |_| None),
+        }
+    }
+
+    fn condense(
+        values: impl IntoIterator<Item = Value>,
+        center: impl Fn(&[f64]) -> f64,
+        pool: impl Fn(&[f64]) -> Option<Value>,
+    ) -> Self {
         let (nan, mut known): (Vec<f64>, Vec<f64>) = values.into_iter().map(|value| value.0).partition(|v| v.is_nan());
         known.sort_by(f64::total_cmp);
         let finite: Vec<f64> = known.iter().copied().filter(|value| value.is_finite()).collect();
         Self {
-            mean: Value(center(metric, if finite.is_empty() { &known } else { &finite })),
+            mean: Value(center(if finite.is_empty() { &known } else { &finite })),
             min: Value(known.first().copied().unwrap_or(f64::NAN)),
             p5: Value(percentile(&known, 0.05)),
-            pooled: pool(metric, &known),
+            pooled: pool(&known),
             infinite: known.len() - finite.len(),
             nan: nan.len(),
         }

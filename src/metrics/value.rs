@@ -1,7 +1,8 @@
 //! A metric's value, and its form in JSON, which has no infinities.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
-use std::{collections::BTreeMap, fmt};
+use std::{borrow::Cow, collections::BTreeMap, fmt};
 
 /// A metric's value for one frame. JSON has no infinities: they are the strings `"inf"`, `"-inf"` and `"nan"`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +19,19 @@ impl Value {
             number if number.is_nan() => Some("nan"),
             _ => None,
         }
+    }
+}
+
+impl JsonSchema for Value {
+    fn schema_name() -> Cow<'static, str> {
+        "Value".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "description": "A number, or what JSON has none for.",
+            "anyOf": [{"type": "number"}, {"type": "string", "enum": ["inf", "-inf", "nan"]}],
+        })
     }
 }
 

@@ -1,6 +1,7 @@
 //! `execute(spec, sequence, gpu, observer) -> Report`: the one path from frames to numbers, used by the CLI and by the
 //! service's worker alike. Knows neither HTTP nor SQL.
 
+mod comparison;
 mod pipeline;
 mod plan;
 pub mod report;
@@ -15,13 +16,16 @@ use crate::{
     sequence::{Sequence, SequenceError, frame::Rgb},
     taa::{PRESETS, Precision, Preset},
 };
+pub use comparison::{Comparison, compare_outputs};
 use plan::Plan;
 pub use plan::Unfit;
 use report::Report;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+pub use times::{median, summary as time_summary};
 
 /// One preset of a run, with overridden parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PresetSpec {
     /// Preset id, such as `karis2014`.
@@ -32,7 +36,7 @@ pub struct PresetSpec {
 }
 
 /// What to run on a sequence.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RunSpec {
     /// Which systems.
     pub presets: Vec<PresetSpec>,
@@ -53,7 +57,7 @@ pub struct RunSpec {
 }
 
 /// Whether the adapter's results are held against the twin's, pass by pass. Slow: the twin computes in f64 on the CPU.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Validate {
     /// Not at all.
@@ -77,7 +81,7 @@ impl Validate {
 }
 
 /// Where metrics are computed: the values agree, the times do not.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MetricsOn {
     /// On the GPU where the adapter is one, else on the CPU.
@@ -162,6 +166,15 @@ impl From<SequenceError> for RunError {
 /// that the sequence has the inputs they need.
 pub fn validate(spec: &RunSpec, sequence: &Sequence) -> Result<(), RunError> {
     Plan::new(spec, sequence).map(drop)
+}
+
+/// Checks what [`compare_outputs`] would refuse before it reads an image.
+pub fn validate_comparison(metrics: &[Metric], sequence: &Sequence) -> Result<(), RunError> {
+    if !sequence.available().reference {
+        let message = "outputs: the sequence has no reference to compare them with";
+        return Err(RunError::Input(message.to_owned()));
+    }
+    plan::check_metrics(metrics, sequence)
 }
 
 /// The presets that can run on `sequence`, and why the others cannot.

@@ -68,15 +68,7 @@ impl Plan {
         } else {
             Vec::new()
         };
-        for metric in &metrics {
-            metric
-                .check_size(sequence.output_size())
-                .map_err(|cause| RunError::Input(format!("metrics: {cause}")))?;
-            if metric.needs_motion() && !available.motion {
-                let message = format!("metrics: `{metric}` needs motion, which the sequence does not have");
-                return Err(RunError::Input(message));
-            }
-        }
+        check_metrics(&metrics, sequence)?;
         let plan = Self {
             channels: channels(&systems, &metrics),
             systems,
@@ -111,6 +103,20 @@ impl Plan {
     pub fn n_merges(&self) -> usize {
         usize::from(self.channels.several.is_some())
     }
+}
+
+/// Whether the sequence has what the metrics need beside the reference.
+pub fn check_metrics(metrics: &[Metric], sequence: &Sequence) -> Result<(), RunError> {
+    for metric in metrics {
+        metric
+            .check_size(sequence.output_size())
+            .map_err(|cause| RunError::Input(format!("metrics: {cause}")))?;
+        if metric.needs_motion() && !sequence.available().motion {
+            let message = format!("metrics: `{metric}` needs motion, which the sequence does not have");
+            return Err(RunError::Input(message));
+        }
+    }
+    Ok(())
 }
 
 impl System {

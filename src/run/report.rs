@@ -5,6 +5,7 @@ use crate::{
     metrics::{Summary, Value},
     taa::validation::Validation,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -56,7 +57,7 @@ pub struct SequenceInfo {
 }
 
 /// The adapter a report was made on. Times compare only between equal ones.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub struct AdapterInfo {
     /// Name as the driver gives it.
     pub name: String,
@@ -91,7 +92,7 @@ pub struct PresetReport {
 }
 
 /// One frame of one preset.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct FrameReport {
     /// Position in the sequence, from 0.
     pub index: usize,
@@ -110,8 +111,23 @@ pub struct FrameReport {
     pub times_ms: BTreeMap<String, f64>,
 }
 
+impl FrameReport {
+    /// A frame of which nothing is known yet.
+    pub fn empty(index: usize) -> Self {
+        Self {
+            index,
+            reset: false,
+            warmup: false,
+            repaired_texels: 0,
+            non_finite_pixels: 0,
+            metrics: BTreeMap::new(),
+            times_ms: BTreeMap::new(),
+        }
+    }
+}
+
 /// Repeated measurements of one pass.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TimeSummary {
     /// Middle value.
     pub median: f64,

@@ -358,7 +358,7 @@ impl Gathered {
 }
 
 /// Where the output does not lie on its reference.
-fn offset_note(reference: &Picture, shown: &Picture) -> Option<String> {
+pub fn offset_note(reference: &Picture, shown: &Picture) -> Option<String> {
     let [x, y] = offset_px(reference, shown)?;
     (x.hypot(y) > OFFSET_LIMIT_PX).then(|| {
         let (right, below) = (
@@ -379,7 +379,7 @@ fn count_non_finite(image: &Image<Rgb>) -> u64 {
 }
 
 /// Of every metric that has a value in a frame that counts.
-fn summaries(metrics: &[Metric], frames: &[FrameReport]) -> BTreeMap<String, Summary> {
+pub fn summaries(metrics: &[Metric], frames: &[FrameReport]) -> BTreeMap<String, Summary> {
     let value = |frame: &FrameReport, metric: &Metric| frame.metrics.get(metric.id()).copied();
     metrics
         .iter()

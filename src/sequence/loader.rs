@@ -4,14 +4,14 @@ use super::{
     Channels, Frame, ImageProblem, Manifest, Others, Section, Sequence, SequenceError, Several,
     convention::{ColorDecoder, DepthDecoder, MotionDecoder, Projector, jitter_px},
     frame::{Rgb, SKY_DEPTH},
-    manifest::{AlphaMeaning, ColorSource, DepthSource, FarPlane, FrameEntry, ImageSource},
+    manifest::{AlphaMeaning, ColorSource, DepthSource, FarPlane, FrameEntry, ImageSource, Transfer},
 };
 use crate::image::{
     Extent, Image,
     files::{Plane, Planes, SampleType},
 };
 use glam::DVec2;
-use std::{borrow::Cow, collections::BTreeMap};
+use std::{borrow::Cow, collections::BTreeMap, path::Path};
 
 /// Every frame's sample offset.
 pub(super) fn jitters_px(manifest: &Manifest) -> Vec<[f64; 2]> {
@@ -81,6 +81,29 @@ impl Sequence {
             images,
         };
         Ok(frame.convert(channels))
+    }
+
+    /// An image of another system's output, linear RGB. A float file is linear already; the codes of an integer file are
+    /// decoded as the reference's are, or as sRGB where the sequence does not say how.
+    pub fn load_output(&self, index: usize, path: &Path) -> Result<Image<Rgb>, SequenceError> {
+        let failed = |problem| SequenceError::Image {
+            frame: index,
+            section: Section::Reference,
+            problem,
+        };
+        let file = self.reader.read_rgb(path).map_err(|error| failed(error.into()))?;
+        self.check_size(Section::Reference, "the output", file.image.extent())
+            .map_err(failed)?;
+        if !matches!(file.sample, SampleType::U8 | SampleType::U16) {
+            return Ok(file.image);
+        }
+        let reference = self.manifest.reference.as_ref().map(|reference| reference.color());
+        let decoder = ColorDecoder {
+            transfer: reference.as_ref().map_or(Transfer::Srgb, |source| source.transfer),
+            nits_per_unit: reference.as_ref().map_or(100.0, |source| source.nits_per_unit),
+            exposure: 1.0,
+        };
+        Ok(file.image.map(|pixel| decoder.decode(pixel)))
     }
 
     fn read(&self, entry: &FrameEntry, images: &[ImageSource]) -> Result<Decoded, SequenceError> {

@@ -8,6 +8,7 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use serde::Serialize;
+use std::time::Duration;
 
 /// Why a request was refused or failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,6 +17,8 @@ pub struct ApiError {
     code: &'static str,
     detail: String,
     field: Option<String>,
+    missing: Vec<String>,
+    retry_after: Option<Duration>,
 }
 
 /// `application/problem+json`. The type is `about:blank`, so the title is the status's own phrase; what programs match
@@ -29,6 +32,8 @@ struct Problem<'a> {
     detail: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
     field: Option<&'a str>,
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    missing: &'a [String],
 }
 
 impl ApiError {
@@ -39,6 +44,8 @@ impl ApiError {
             code,
             detail: detail.into(),
             field: None,
+            missing: Vec::new(),
+            retry_after: None,
         }
     }
 
@@ -68,6 +75,32 @@ impl ApiError {
         self
     }
 
+    /// Names what must be put first.
+    pub fn missing(mut self, missing: Vec<String>) -> Self {
+        self.missing = missing;
+        self
+    }
+
+    /// Says when to try again.
+    pub fn retry_after(mut self, wait: Duration) -> Self {
+        self.retry_after = Some(wait);
+        self
+    }
+
+    /// More work waits than is done.
+    pub fn busy(detail: impl Into<String>, wait: Duration) -> Self {
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "busy", detail).retry_after(wait)
+    }
+
+    /// A body beyond the limit.
+    pub fn body_too_large() -> Self {
+        Self::new(
+            StatusCode::PAYLOAD_TOO_LARGE,
+            "body_too_large",
+            "the JSON body is larger than this service accepts (--max-json-kib)",
+        )
+    }
+
     /// What the pages show as their title.
     pub fn status(&self) -> StatusCode {
         self.status
@@ -88,17 +121,29 @@ impl IntoResponse for ApiError {
             code: self.code,
             detail: &self.detail,
             field: self.field.as_deref(),
+            missing: &self.missing,
         };
         let mut response = (self.status, Json(problem)).into_response();
         let media_type = HeaderValue::from_static("application/problem+json");
         response.headers_mut().insert(header::CONTENT_TYPE, media_type);
+        if let Some(wait) = self.retry_after {
+            let seconds = wait.as_secs_f64().ceil().max(1.0) as u64;
+            response
+                .headers_mut()
+                .insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
         response
     }
 }
 
 impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
-        Self::internal(error)
+        match error {
+            StoreError::Busy => Self::busy(error.to_string(), Duration::from_secs(1)),
+            StoreError::NoReport(_) => Self::not_found(error.to_string()),
+            StoreError::Closed(_) => Self::new(StatusCode::CONFLICT, "report_complete", error.to_string()),
+            other => Self::internal(other),
+        }
     }
 }
 

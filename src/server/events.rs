@@ -1,6 +1,7 @@
 //! `GET /jobs/{id}/events`: a job's progress as server-sent events. The first event says where the job stands, the last
 //! is its end: `progress`, then one of `done`, `failed`, `cancelled`. The data of each is the job as `GET /jobs/{id}`
-//! gives it, without reports.
+//! gives it, without reports. Each event's id says which state it tells, so that a client that lost the connection and
+//! sends `Last-Event-ID` is not told again what it knows; after the end that is 204, which ends an `EventSource`.
 
 use super::{ApiError, ApiPath, Service, Shared};
 use crate::{
@@ -9,9 +10,13 @@ use crate::{
 };
 use axum::{
     extract::State,
-    response::sse::{Event, KeepAlive, Sse},
+    http::{HeaderMap, StatusCode},
+    response::{
+        IntoResponse as _, Response,
+        sse::{Event, KeepAlive, Sse},
+    },
 };
-use futures_util::stream::{self, Stream, StreamExt as _};
+use futures_util::stream::{self, StreamExt as _};
 use std::{convert::Infallible, sync::Arc};
 use tokio::sync::broadcast::{Receiver, error::RecvError};
 
@@ -33,20 +38,32 @@ enum Next {
 pub async fn follow(
     State(service): Shared,
     ApiPath(id): ApiPath<i64>,
-) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
+    headers: HeaderMap,
+) -> Result<Response, ApiError> {
     // Subscribed before the job is read: a change between the two is seen twice rather than never.
     let events = service.events.subscribe();
     let job = service.store.job(id).await?;
     let job = job.ok_or_else(|| ApiError::not_found(format!("there is no job {id}")))?;
     let stopped = service.shutdown.clone().cancelled_owned();
+    let last = headers.get("last-event-id").and_then(|id| id.to_str().ok());
+    let knows = last == Some(event_id(&job).as_str());
+    if knows && job.status.is_final() {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
     let watch = Watch {
         service,
         events,
         job,
-        next: Next::Current,
+        next: if knows { Next::Change } else { Next::Current },
     };
     let stream = stream::unfold(watch, Watch::step).take_until(Box::pin(stopped));
-    Ok(Sse::new(stream).keep_alive(KeepAlive::default()))
+    Ok(Sse::new(stream).keep_alive(KeepAlive::default()).into_response())
+}
+
+/// Names a state of a job.
+fn event_id(job: &Job) -> String {
+    let status = format!("{:?}", job.status).to_lowercase();
+    format!("{status}-{}-{}-{}", job.attempts, job.n_done, job.n_total)
 }
 
 impl Watch {
@@ -67,7 +84,10 @@ impl Watch {
             Status::Failed => "failed",
             Status::Cancelled => "cancelled",
         };
-        let event = Event::default().event(name).json_data(&self.job);
+        let event = Event::default()
+            .id(event_id(&self.job))
+            .event(name)
+            .json_data(&self.job);
         // A job is plain data; it was read from JSON.
         Some((Ok(event.unwrap_or_default()), self))
     }

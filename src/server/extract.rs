@@ -40,11 +40,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for ApiJson<T> {
 
 fn body_error(rejection: BytesRejection) -> ApiError {
     match rejection.status() {
-        StatusCode::PAYLOAD_TOO_LARGE => ApiError::new(
-            StatusCode::PAYLOAD_TOO_LARGE,
-            "body_too_large",
-            "the JSON body is larger than this service accepts (--max-json-kib)",
-        ),
+        StatusCode::PAYLOAD_TOO_LARGE => ApiError::body_too_large(),
         status => ApiError::new(status, "bad_body", rejection.body_text()),
     }
 }

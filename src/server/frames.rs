@@ -23,6 +23,7 @@ use axum::{
     http::{HeaderName, HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::{
     fs,
@@ -70,7 +71,7 @@ fn parse(image: &str) -> Result<(Content, Encoding), ApiError> {
 }
 
 /// Query of a report's images.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageQuery {
     /// The error, in display values, or the value of a map that is drawn white.
@@ -109,7 +110,12 @@ pub async fn of_report(
     }
     let report = reports::find(&service, id).await?;
     blocking(move || {
-        let source = Source::open(&service, &report.series.sequence_hash)?;
+        let hash = report.series.sequence_hash.as_ref().ok_or_else(|| {
+            ApiError::not_found(format!(
+                "report {id} has no images: it was posted for a sequence known by name only"
+            ))
+        })?;
+        let source = Source::open(&service, hash)?;
         let display = source.display();
         match content {
             Content::Reference => encode_rgb(&service, &source.reference(frame_index)?, display, encoding),
@@ -182,14 +188,14 @@ impl Source {
 
 /// The file that the worker wrote.
 fn output_file(service: &Service, report: &Report, frame_index: usize) -> Result<PathBuf, ApiError> {
-    let path = service
-        .folder
-        .output(report.job_id, report.preset_index as usize, frame_index);
-    if path.is_file() {
+    let path = report
+        .job_id
+        .map(|job_id| service.folder.output(job_id, report.preset_index as usize, frame_index));
+    if let Some(path) = path.filter(|path| path.is_file()) {
         return Ok(path);
     }
     Err(ApiError::not_found(format!(
-        "report {} has no image of frame {frame_index}: the frame did not run, or the job said `images: none`",
+        "report {} has no image of frame {frame_index}: the frame did not run, the job said `images: none`, or only numbers were posted",
         report.id
     )))
 }

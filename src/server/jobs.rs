@@ -1,11 +1,17 @@
 //! `POST /jobs`, `GET /jobs`, `GET` and `DELETE /jobs/{id}`.
 
-use super::{ApiError, ApiPath, ApiQuery, Service, Shared, extract::ApiJson, sequences};
+use super::{
+    ApiError, ApiPath, ApiQuery, Service, Shared, blobs,
+    extract::ApiJson,
+    origin::{EnvironmentRequest, Origin, check_name, invalid, with_origin},
+    page::{self, Cursor},
+    sequences,
+};
 use crate::{
     metrics::Metric,
     run::{self, MetricsOn, PresetSpec, RunSpec, Validate},
     sequence::Sequence,
-    store::{Cancelled, Images, Job, JobFilter, JobSpec, NewJob, Report, ReportFilter, Status, Timestamp},
+    store::{Cancelled, Images, Job, JobFilter, JobSpec, NewJob, Outputs, Report, ReportFilter, Status, Timestamp},
     taa::{Precision, Preset},
     worker::JobEvent,
 };
@@ -15,26 +21,38 @@ use axum::{
     http::{StatusCode, header},
     response::IntoResponse,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, de};
-use serde_json::{Value, json};
-use std::{fmt, sync::Arc};
+use serde_json::Value;
+use std::{collections::BTreeMap, fmt, sync::Arc, time::Duration};
 
-/// The body of `POST /jobs`.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+with_origin! {
+/// The body of `POST /jobs`: presets to run, or images rendered elsewhere to compare.
 pub struct JobRequest {
     /// Hash or name.
+    #[schemars(length(min = 1, max = 100), regex(pattern = "^[A-Za-z0-9_.-]+$"))]
     sequence: String,
     /// Preset ids, or objects with `preset` and `parameters`.
+    #[serde(default)]
+    #[schemars(length(max = 64))]
     presets: Vec<PresetRequest>,
+    /// Images of another system, instead of presets.
+    #[serde(default)]
+    outputs: Option<OutputsRequest>,
+    /// What to measure.
     #[serde(default = "default_metrics")]
+    #[schemars(length(max = 200))]
     metrics: Vec<Metric>,
+    /// How history is stored.
     #[serde(default)]
     history: Precision,
     /// How often each pass of a frame is timed.
     #[serde(default = "default_repeat")]
+    #[schemars(range(min = 1, max = 100))]
     repeat: u32,
     /// Only the first so many.
+    #[serde(default)]
+    #[schemars(range(min = 1))]
     frames: Option<usize>,
     /// Hold the adapter against the twin.
     #[serde(default)]
@@ -42,11 +60,28 @@ pub struct JobRequest {
     /// And find the pass that is wrong, if any.
     #[serde(default)]
     bisect: bool,
+    /// Which output images to keep.
     #[serde(default)]
     images: Images,
-    branch: Option<String>,
-    commit: Option<String>,
-    label: Option<String>,
+}
+}
+
+/// Images of a system elsewhere.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutputsRequest {
+    /// The system's name.
+    #[schemars(length(min = 1, max = 100), regex(pattern = "^[A-Za-z0-9_.-]+$"))]
+    system: String,
+    /// Its settings; other settings are another line.
+    #[serde(default)]
+    parameters: serde_json::Map<String, Value>,
+    /// What rendered them.
+    #[serde(default)]
+    environment: EnvironmentRequest,
+    /// SHA-256 of the blob with each frame's image, by frame index. EXR is linear RGB; other formats are read as the
+    /// sequence's reference is.
+    images: BTreeMap<String, String>,
 }
 
 fn default_metrics() -> Vec<Metric> {
@@ -59,10 +94,24 @@ fn default_repeat() -> u32 {
 
 const MAX_REPEAT: u32 = 100;
 const MAX_PRESETS: usize = 64;
-const MAX_TEXT_BYTES: usize = 200;
 
 /// A preset by its id, or with overrides.
+#[derive(Clone, Debug)]
 struct PresetRequest(PresetSpec);
+
+impl JsonSchema for PresetRequest {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "PresetRequest".into()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        let spec = generator.subschema_for::<PresetSpec>();
+        schemars::json_schema!({
+            "description": "A preset's id, or an object with `preset` and `parameters`.",
+            "anyOf": [{"type": "string"}, spec],
+        })
+    }
+}
 
 impl<'de> Deserialize<'de> for PresetRequest {
     // By hand, because an untagged enum would answer "did not match any variant" to every mistake.
@@ -93,24 +142,31 @@ impl<'de> Deserialize<'de> for PresetRequest {
 }
 
 /// A job and, once it is done, its reports.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct JobWithReports {
     #[serde(flatten)]
     job: Job,
+    /// In the order of its presets.
     reports: Vec<Report>,
 }
 
 /// Queues a job: 202 and where to watch it.
 pub async fn post(
     State(service): Shared,
-    ApiJson(request): ApiJson<JobRequest>,
+    ApiJson(mut request): ApiJson<JobRequest>,
 ) -> Result<impl IntoResponse, ApiError> {
+    let n_queued = service.store.n_queued().await?;
+    if n_queued >= service.config.max_queued_jobs {
+        let detail = format!("{n_queued} jobs are waiting already (--max-queued-jobs)");
+        return Err(ApiError::busy(detail, Duration::from_secs(30)));
+    }
+    let origin = request.take_origin();
     let sequence = sequences::find(&service, &request.sequence).await;
     let sequence = sequence.map_err(|error| match error.status() {
         StatusCode::NOT_FOUND => ApiError::invalid("unknown_sequence", error.detail()).field("sequence"),
         _ => error,
     })?;
-    let job = validated(Arc::clone(&service), request, sequence).await?;
+    let job = validated(Arc::clone(&service), request, origin, sequence).await?;
     let id = service.store.enqueue(&job, Timestamp::now()).await?;
     service.wake.notify_one();
     let location = [(header::LOCATION, format!("/api/v1/jobs/{id}"))];
@@ -121,9 +177,15 @@ pub async fn post(
 async fn validated(
     service: Arc<Service>,
     request: JobRequest,
+    origin: Origin,
     stored: crate::store::Sequence,
 ) -> Result<NewJob, ApiError> {
     request.check(stored.n_frames as usize)?;
+    let (project, provenance) = origin.check()?;
+    let outputs = match request.outputs {
+        None => None,
+        Some(outputs) => Some(outputs.check(&service, stored.n_frames as usize)?),
+    };
     let run = RunSpec {
         presets: request.presets.into_iter().map(|preset| preset.0).collect(),
         metrics: request.metrics,
@@ -136,11 +198,15 @@ async fn validated(
     for (index, spec) in run.presets.iter().enumerate() {
         check_preset(index, spec)?;
     }
+    let is_comparison = outputs.is_some();
     let run = tokio::task::spawn_blocking(move || {
         // The manifest was valid when it was put; that it no longer is can only be our fault.
         let folder = service.folder.sequence(&stored.hash);
         let sequence = Sequence::open(&folder, &service.reader).map_err(ApiError::internal)?;
-        run::validate(&run, &sequence)?;
+        match is_comparison {
+            true => run::validate_comparison(&run.metrics, &sequence)?,
+            false => run::validate(&run, &sequence)?,
+        }
         Ok::<_, ApiError>(run)
     })
     .await
@@ -150,21 +216,69 @@ async fn validated(
         spec: JobSpec {
             run,
             images: request.images,
+            outputs,
         },
-        git_branch: request.branch,
-        git_commit: request.commit,
-        label: request.label,
+        project,
+        provenance,
     })
+}
+
+impl OutputsRequest {
+    fn check(self, service: &Service, n_frames: usize) -> Result<Outputs, ApiError> {
+        check_name("outputs.system", &self.system)?;
+        let mut images = BTreeMap::new();
+        for (frame, hash) in self.images {
+            let index = frame.parse::<usize>().ok().filter(|index| *index < n_frames);
+            let Some(index) = index else {
+                let detail = format!("`{frame}` is no frame; the sequence has 0 to {}", n_frames - 1);
+                return Err(invalid("outputs.images", detail));
+            };
+            blobs::check_hash(&hash)?;
+            images.insert(index, hash);
+        }
+        if images.keys().copied().ne(0..images.len()) || images.is_empty() {
+            return Err(invalid(
+                "outputs.images",
+                "give frames 0, 1, 2 and so on without gaps".to_owned(),
+            ));
+        }
+        let missing: Vec<String> = images
+            .values()
+            .filter(|hash| !service.folder.blob(hash).is_file())
+            .cloned()
+            .collect();
+        if !missing.is_empty() {
+            let detail = format!(
+                "{} blobs are not here; put them under /api/v1/blobs/<sha256> first",
+                missing.len()
+            );
+            return Err(ApiError::invalid("missing_blobs", detail)
+                .field("outputs.images")
+                .missing(missing));
+        }
+        Ok(Outputs {
+            system: self.system,
+            parameters: self.parameters,
+            environment: self.environment.check()?,
+            images,
+        })
+    }
 }
 
 impl JobRequest {
     fn check(&self, n_frames: usize) -> Result<(), ApiError> {
-        let invalid = |field: &str, detail: String| Err(ApiError::invalid("invalid_field", detail).field(field));
-        if !(1..=MAX_PRESETS).contains(&self.presets.len()) {
-            return invalid(
-                "presets",
-                format!("give 1 to {MAX_PRESETS} presets; /api/v1/presets lists them"),
-            );
+        let invalid = |field: &str, detail: String| Err(invalid(field, detail));
+        match (&self.outputs, self.presets.len()) {
+            (Some(_), 0) | (None, 1..=MAX_PRESETS) => {}
+            (Some(_), _) => return invalid("presets", "give `presets` or `outputs`, not both".to_owned()),
+            (None, _) => {
+                let detail = format!("give 1 to {MAX_PRESETS} presets (/api/v1/presets lists them), or `outputs`");
+                return invalid("presets", detail);
+            }
+        }
+        if self.outputs.is_some() && (self.validate || self.bisect) {
+            let detail = "only presets have a twin to be held against; leave it out with `outputs`";
+            return invalid("validate", detail.to_owned());
         }
         if !(1..=MAX_REPEAT).contains(&self.repeat) {
             return invalid("repeat", format!("`repeat` must be 1 to {MAX_REPEAT}"));
@@ -176,15 +290,6 @@ impl JobRequest {
                 "frames",
                 format!("`frames` must be 1 to {n_frames}, the sequence's number of frames"),
             );
-        }
-        for (field, text) in [
-            ("branch", &self.branch),
-            ("commit", &self.commit),
-            ("label", &self.label),
-        ] {
-            if text.as_ref().is_some_and(|text| text.len() > MAX_TEXT_BYTES) {
-                return invalid(field, format!("`{field}` may have at most {MAX_TEXT_BYTES} bytes"));
-            }
         }
         Ok(())
     }
@@ -220,23 +325,34 @@ pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Js
 }
 
 /// Query of `GET /jobs`.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JobQuery {
+    /// Only of this status.
     status: Option<Status>,
-    /// Hash or name.
+    /// Only of this sequence: hash or name.
     sequence: Option<String>,
-    /// The `next_before` of the page before.
-    before: Option<i64>,
+    /// Only of this project.
+    project: Option<String>,
+    /// The `next_cursor` of the page before.
+    cursor: Option<Cursor>,
+    /// At most so many, 1 to 1000; 50 where left out.
+    #[schemars(range(min = 1, max = 1000))]
     limit: Option<u32>,
 }
 
-/// How many rows a list may ask for at once.
-pub const MAX_LIMIT: u32 = 1000;
+/// A page of jobs.
+#[derive(Serialize, JsonSchema)]
+pub struct JobPage {
+    /// Newest first.
+    jobs: Vec<Job>,
+    /// Where the next page begins; none after the last.
+    next_cursor: Option<Cursor>,
+}
 
 /// Jobs, newest first, a page at a time.
-pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<JobQuery>) -> Result<Json<Value>, ApiError> {
-    let limit = query.limit.unwrap_or(50).clamp(1, MAX_LIMIT);
+pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<JobQuery>) -> Result<Json<JobPage>, ApiError> {
+    let limit = page::limit(query.limit)?;
     let sequence_hash = match &query.sequence {
         Some(name) => Some(sequences::find(&service, name).await?.hash),
         None => None,
@@ -244,13 +360,13 @@ pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<JobQuery>) -
     let filter = JobFilter {
         status: query.status,
         sequence_hash,
-        before: query.before,
+        project: query.project,
+        before: query.cursor.map(|cursor| cursor.0),
         limit,
     };
     let jobs = service.store.jobs(&filter).await?;
-    let is_full = jobs.len() == limit as usize;
-    let next_before = jobs.last().filter(|_| is_full).map(|job| job.id);
-    Ok(Json(json!({"jobs": jobs, "next_before": next_before})))
+    let next_cursor = page::next(&jobs, limit, |job| job.id);
+    Ok(Json(JobPage { jobs, next_cursor }))
 }
 
 /// Cancels a job: 200 if it will never run, 202 if it ends after its current frame.

@@ -1,20 +1,44 @@
 //! The service: routes under `/api/v1`, one file a resource, and the pages of `web`. With `web` the only module that
 //! names axum. Handlers parse, ask the store, answer; what takes long is the worker's.
 
+mod access;
+mod admin;
+mod alerts;
+mod api;
+mod blobs;
 mod catalog;
+mod conditional;
 mod error;
 mod events;
+mod export;
 mod extract;
 mod frames;
+mod idempotency;
 mod jobs;
+mod judging;
+mod observe;
+mod origin;
+mod page;
 mod reports;
+mod results;
+mod routes;
 mod sequences;
+mod tidying;
 mod upload;
+mod webhooks;
 
+pub use access::Caller;
 pub use error::ApiError;
 pub use extract::{ApiPath, ApiQuery};
 pub use frames::DEFAULT_MAX_ERROR;
 
+use self::{
+    access::Access,
+    api::{Api, BASE, Scopes},
+    blobs::BlobWriters,
+    idempotency::InProgress,
+    observe::Counters,
+};
 use crate::{
     config::{Config, ConfigError},
     image::files::{Backend, FileReader, Limits},
@@ -31,7 +55,16 @@ use axum::{
     response::Response,
     routing::get,
 };
-use std::{io, net::SocketAddr, sync::Arc, thread::JoinHandle};
+use serde_json::Value;
+use std::{
+    io,
+    net::SocketAddr,
+    sync::{
+        Arc, LazyLock,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
+    thread::JoinHandle,
+};
 use tokio::{
     net::TcpListener,
     runtime::Handle,
@@ -39,6 +72,13 @@ use tokio::{
     sync::{Notify, broadcast},
 };
 use tokio_util::sync::CancellationToken;
+use tower_http::{
+    compression::{
+        CompressionLayer,
+        predicate::{NotForContentType, Predicate, SizeAbove},
+    },
+    decompression::RequestDecompressionLayer,
+};
 
 /// Why the service could not start, or ended.
 #[derive(Debug, thiserror::Error)]
@@ -83,6 +123,24 @@ pub struct Service {
     pub wake: Arc<Notify>,
     /// Tells everyone that the service is ending.
     pub shutdown: CancellationToken,
+    /// Tells the postman of new deliveries.
+    pub deliver: Notify,
+    /// Whether the worker's thread is there.
+    pub worker_runs: AtomicBool,
+    /// Tokens in use.
+    access: Access,
+    /// Requests with an idempotency key.
+    in_progress: InProgress,
+    /// Uploads of blobs.
+    blob_writers: BlobWriters,
+    /// What Prometheus is told.
+    counters: Counters,
+}
+
+/// The OpenAPI document.
+pub fn document() -> &'static Value {
+    static DOCUMENT: LazyLock<Value> = LazyLock::new(|| api().2);
+    &DOCUMENT
 }
 
 /// How handlers take [`Service`].
@@ -134,6 +192,13 @@ impl Running {
             folder.remove_outputs(job)?;
         }
         let address = config.listen;
+        let now = Timestamp::now();
+        if config.asks_for_tokens()
+            && !address.ip().is_loopback()
+            && !store.tokens().await?.iter().any(|token| token.is_live(now))
+        {
+            return Err(ConfigError::Exposed(address).into());
+        }
         let listener = TcpListener::bind(address)
             .await
             .map_err(|source| ServeError::Listen { address, source })?;
@@ -146,6 +211,12 @@ impl Running {
             events: broadcast::channel(256).0,
             wake: Arc::new(Notify::new()),
             shutdown: CancellationToken::new(),
+            deliver: Notify::new(),
+            worker_runs: AtomicBool::new(true),
+            access: Access::new(api().1),
+            in_progress: InProgress::default(),
+            blob_writers: BlobWriters::default(),
+            counters: Counters::new(),
         });
         let worker = Worker {
             store: service.store.clone(),
@@ -154,6 +225,8 @@ impl Running {
             wake: Arc::clone(&service.wake),
             shutdown: service.shutdown.clone(),
             runtime: Handle::current(),
+            reader: service.reader.clone(),
+            clocks: service.config.clocks.clone(),
         };
         Ok(Self {
             address: listener.local_addr()?,
@@ -171,47 +244,67 @@ impl Running {
     /// Answers requests until stopped; then lets open requests and the current frame end.
     pub async fn run(self) -> Result<(), ServeError> {
         let stopped = self.service.shutdown.clone().cancelled_owned();
+        let postman = tokio::spawn(webhooks::deliver(Arc::clone(&self.service)));
+        let tidying = tokio::spawn(tidying::tidy(Arc::clone(&self.service)));
         let served = axum::serve(self.listener, router(Arc::clone(&self.service)))
             .with_graceful_shutdown(stopped)
             .await;
         self.service.shutdown.cancel();
+        for task in [postman, tidying] {
+            let _ = task.await;
+        }
         let worker = self.worker;
         if tokio::task::spawn_blocking(move || worker.join()).await.is_err() {
             tracing::error!("the worker's thread did not end properly");
         }
+        self.service.worker_runs.store(false, Relaxed);
         self.service.store.close().await;
         Ok(served?)
     }
 }
 
-/// Every route.
+/// Every route, which scope each needs, and the OpenAPI document.
+fn api() -> (Router<Arc<Service>>, Scopes, Value) {
+    let api = routes::results(routes::sequences(routes::catalog(Api::new())));
+    let api = routes::admin(routes::verdicts(api));
+    api.finish()
+}
+
+/// The whole service.
 pub fn router(service: Arc<Service>) -> Router {
-    let api = Router::new()
-        .route("/health", get(catalog::health))
-        .route("/presets", get(catalog::presets))
-        .route("/metrics", get(catalog::metrics))
-        .route("/adapter", get(catalog::adapter))
-        .route("/sequences", get(sequences::list))
-        .route("/sequences/{sequence}", get(sequences::get).put(upload::put))
-        .route("/sequences/{sequence}/frames/{frame}/{image}", get(frames::of_sequence))
-        .route("/jobs", get(jobs::list).post(jobs::post))
-        .route("/jobs/{job}", get(jobs::get).delete(jobs::cancel))
-        .route("/jobs/{job}/events", get(events::follow))
-        .route("/reports", get(reports::list))
-        .route("/reports/{report}", get(reports::get))
-        .route("/reports/{report}/frames", get(reports::rows))
-        .route("/reports/{report}/validation", get(reports::validation))
-        .route("/reports/{report}/frames/{frame}/{image}", get(frames::of_report))
-        .route("/series", get(reports::series))
-        .fallback(unknown_path);
+    let (api, ..) = self::api();
     let max_json_bytes = service.config.max_json_kib * 1024;
+    let with_service = Arc::clone(&service);
+    let with = || Arc::clone(&with_service);
+    // The last layer is the outermost.
+    let api = api
+        .fallback(unknown_path)
+        .layer(middleware::from_fn_with_state(with(), idempotency::once))
+        .layer(middleware::from_fn(conditional::tag));
     Router::new()
-        .nest("/api/v1", api)
+        .nest(BASE, api)
+        .route("/metrics", get(observe::metrics))
+        .route("/healthz", get(observe::alive))
+        .route("/readyz", get(observe::ready))
         .merge(web::routes())
         .method_not_allowed_fallback(wrong_method)
         .layer(DefaultBodyLimit::max(max_json_bytes))
+        .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
+        .layer(middleware::from_fn_with_state(with(), access::control))
+        .layer(CompressionLayer::new().compress_when(worth_compressing()))
         .layer(middleware::from_fn(security_headers))
+        .layer(middleware::from_fn_with_state(with(), observe::observe))
         .with_state(service)
+}
+
+/// Text of some length; not events, which must not wait, nor images, which are compressed.
+fn worth_compressing() -> impl Predicate {
+    SizeAbove::new(1024)
+        .and(NotForContentType::GRPC)
+        .and(NotForContentType::IMAGES)
+        .and(NotForContentType::SSE)
+        .and(NotForContentType::const_new("application/x-tar"))
+        .and(NotForContentType::const_new("application/vnd.apache.parquet"))
 }
 
 async fn unknown_path(request: Request<axum::body::Body>) -> ApiError {

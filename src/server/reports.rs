@@ -1,21 +1,25 @@
-//! `GET /reports`, `GET /reports/{id}`, its per-frame rows as JSON or CSV, and a metric over time: `GET /series`.
+//! `GET /reports`, `GET /reports/{id}`, its per-frame rows, and metrics over time: `GET /series` and what is below it.
 
-use super::{ApiError, ApiPath, ApiQuery, Service, Shared, jobs::MAX_LIMIT, sequences};
+use super::{
+    ApiError, ApiPath, ApiQuery, Service, Shared,
+    export::{Column, Format, Table},
+    page::{self, Cursor},
+};
 use crate::{
     metrics::Metric,
     run::report::FrameReport,
-    store::{GPU_TIME, Point, Report, ReportFilter, Series, SeriesFilter},
+    store::{GPU_TIME, Point, Report, ReportFilter, Series, SeriesFilter, Timestamp, TrendFilter, downsample},
     taa::validation::Validation,
 };
 use axum::{
     Json,
     extract::State,
-    http::{HeaderMap, header},
+    http::{HeaderMap, StatusCode},
     response::{IntoResponse, Response},
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
-use std::{collections::BTreeSet, fmt::Write as _, str::FromStr as _};
+use std::{collections::BTreeSet, str::FromStr as _};
 
 /// The report that a path names.
 pub async fn find(service: &Service, id: i64) -> Result<Report, ApiError> {
@@ -24,32 +28,67 @@ pub async fn find(service: &Service, id: i64) -> Result<Report, ApiError> {
 }
 
 /// Query of `GET /reports`.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReportQuery {
-    /// Hash or name.
+    /// Only of this project.
+    project: Option<String>,
+    /// Only of this sequence: hash or name.
     sequence: Option<String>,
+    /// Only of this preset or external system.
     preset: Option<String>,
+    /// Only of this branch.
+    branch: Option<String>,
+    /// Only of this commit.
+    commit: Option<String>,
+    /// Only of this series.
+    series: Option<i64>,
+    /// Only the newest of each series.
+    latest: Option<bool>,
+    /// The `next_cursor` of the page before.
+    cursor: Option<Cursor>,
+    /// At most so many, 1 to 1000; 50 where left out.
+    #[schemars(range(min = 1, max = 1000))]
     limit: Option<u32>,
 }
 
-/// Reports, newest first.
-pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<ReportQuery>) -> Result<Json<Value>, ApiError> {
-    let filter = ReportFilter {
-        sequence_hash: hash_of(&service, query.sequence.as_deref()).await?,
-        preset: query.preset,
-        limit: query.limit.unwrap_or(50).clamp(1, MAX_LIMIT),
-        ..ReportFilter::default()
-    };
-    Ok(Json(json!({"reports": service.store.reports(&filter).await?})))
+/// A page of reports.
+#[derive(Serialize, JsonSchema)]
+pub struct ReportPage {
+    /// Newest first.
+    reports: Vec<Report>,
+    /// Where the next page begins; none after the last.
+    next_cursor: Option<Cursor>,
 }
 
-/// The content hash of the sequence that a filter names, if it names one.
-async fn hash_of(service: &Service, sequence: Option<&str>) -> Result<Option<String>, ApiError> {
-    match sequence {
-        Some(name) => Ok(Some(sequences::find(service, name).await?.hash)),
-        None => Ok(None),
-    }
+/// Reports, newest first.
+pub async fn list(
+    State(service): Shared,
+    ApiQuery(query): ApiQuery<ReportQuery>,
+) -> Result<Json<ReportPage>, ApiError> {
+    let limit = page::limit(query.limit)?;
+    let filter = ReportFilter {
+        project: query.project,
+        sequence: subject(&service, query.sequence).await?,
+        preset: query.preset,
+        branch: query.branch,
+        commit: query.commit,
+        series_id: query.series,
+        job_id: None,
+        latest_only: query.latest.unwrap_or(false),
+        before: query.cursor.map(|cursor| cursor.0),
+        limit,
+    };
+    let reports = service.store.reports(&filter).await?;
+    let next_cursor = page::next(&reports, limit, |report| report.id);
+    Ok(Json(ReportPage { reports, next_cursor }))
+}
+
+/// What filters call a sequence: the hash of one that is stored, the name of one that is not.
+async fn subject(service: &Service, sequence: Option<String>) -> Result<Option<String>, ApiError> {
+    let Some(name) = sequence else { return Ok(None) };
+    let stored = service.store.sequence(&name).await?;
+    Ok(Some(stored.map_or(name, |sequence| sequence.hash)))
 }
 
 /// One report without its frames.
@@ -70,20 +109,21 @@ pub async fn validation(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Re
 }
 
 /// Query of `GET /reports/{id}/frames`.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RowsQuery {
+    /// JSON unless this or the header `accept` asks for another.
     format: Option<Format>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Format {
-    Json,
-    Csv,
+/// Every frame of a report.
+#[derive(Serialize, JsonSchema)]
+pub struct FrameList {
+    /// In order.
+    frames: Vec<FrameReport>,
 }
 
-/// Every frame's metrics and times; CSV where the query or the header `accept` asks for it.
+/// Every frame's metrics and times.
 pub async fn rows(
     State(service): Shared,
     ApiPath(id): ApiPath<i64>,
@@ -92,109 +132,231 @@ pub async fn rows(
 ) -> Result<Response, ApiError> {
     find(&service, id).await?;
     let frames = service.store.frames(id).await?;
-    let accepted = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
-    let accepts_csv = accepted.is_some_and(|accepted| accepted.contains("text/csv"));
-    let wants_csv = query.format.map_or(accepts_csv, |format| format == Format::Csv);
-    if !wants_csv {
-        return Ok(Json(json!({"frames": frames})).into_response());
+    match Format::of(query.format, &headers) {
+        Format::Json => Ok(Json(FrameList { frames }).into_response()),
+        format => frame_table(&frames).respond(format, &format!("report-{id}")),
     }
-    let headers = [
-        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
-        (
-            header::CONTENT_DISPOSITION,
-            format!("inline; filename=\"report-{id}.csv\""),
-        ),
-    ];
-    Ok((headers, csv(&frames)).into_response())
 }
 
-/// A header, then a row a frame: metrics by their ids, times as `<pass>_ms`. Ids hold neither commas nor quotes.
-fn csv(frames: &[FrameReport]) -> String {
+/// A row a frame: metrics by their ids, times as `<pass>_ms`.
+fn frame_table(frames: &[FrameReport]) -> Table {
     let metrics: BTreeSet<&String> = frames.iter().flat_map(|frame| frame.metrics.keys()).collect();
     let passes: BTreeSet<&String> = frames.iter().flat_map(|frame| frame.times_ms.keys()).collect();
-    let mut text = String::from("frame,reset,warmup,repaired_texels,non_finite_pixels");
-    for metric in &metrics {
-        let _ = write!(text, ",{metric}");
+    let integers = |value: fn(&FrameReport) -> u64| {
+        Column::Integers(frames.iter().map(|frame| i64::try_from(value(frame)).ok()).collect())
+    };
+    let mut table = Table::default()
+        .with("frame", integers(|frame| frame.index as u64))
+        .with("reset", Column::Flags(frames.iter().map(|frame| frame.reset).collect()))
+        .with(
+            "warmup",
+            Column::Flags(frames.iter().map(|frame| frame.warmup).collect()),
+        )
+        .with("repaired_texels", integers(|frame| frame.repaired_texels))
+        .with("non_finite_pixels", integers(|frame| frame.non_finite_pixels));
+    for metric in metrics {
+        let value = |frame: &FrameReport| frame.metrics.get(metric).map(|value| value.0);
+        table = table.with(metric, Column::Numbers(frames.iter().map(value).collect()));
     }
-    for pass in &passes {
-        let _ = write!(text, ",{pass}_ms");
+    for pass in passes {
+        let time = |frame: &FrameReport| frame.times_ms.get(pass).copied();
+        table = table.with(format!("{pass}_ms"), Column::Numbers(frames.iter().map(time).collect()));
     }
-    text.push('\n');
-    for frame in frames {
-        let (index, repaired, non_finite) = (frame.index, frame.repaired_texels, frame.non_finite_pixels);
-        let _ = write!(text, "{index},{},{},{repaired},{non_finite}", frame.reset, frame.warmup);
-        for &metric in &metrics {
-            text.push(',');
-            // Rust writes `inf`, `-inf` and `NaN`; the API's names are lower case throughout.
-            if let Some(value) = frame.metrics.get(metric) {
-                text.push_str(&value.0.to_string().to_lowercase());
-            }
-        }
-        for &pass in &passes {
-            text.push(',');
-            if let Some(time_ms) = frame.times_ms.get(pass) {
-                let _ = write!(text, "{time_ms}");
-            }
-        }
-        text.push('\n');
-    }
-    text
+    table
 }
 
 /// Query of `GET /series`.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeriesQuery {
     /// A metric's id, or `gpu_time_ms`.
+    #[schemars(length(min = 1, max = 100))]
     metric: String,
-    /// Hash or name.
+    /// Only of this project.
+    project: Option<String>,
+    /// Only of this sequence: hash or name.
     sequence: Option<String>,
+    /// Only of this preset or external system.
     preset: Option<String>,
+    /// Only on adapters of this name.
     adapter: Option<String>,
+    /// Only of this branch, and of its parent up to where it left.
     branch: Option<String>,
-    /// Of each series.
+    /// The newest so many of each series, 1 to 1000; 200 where left out.
+    #[schemars(range(min = 1, max = 1000))]
     limit: Option<u32>,
 }
 
 /// One line of a trend.
-#[derive(Serialize)]
-pub struct Line {
+#[derive(Serialize, JsonSchema)]
+pub struct Trend {
+    /// What its points have in common.
     #[serde(flatten)]
     series: Series,
+    /// Oldest first.
     points: Vec<Point>,
 }
 
-/// A metric over time, a line for each combination of sequence, recipe and adapter, oldest point first.
-pub async fn series(State(service): Shared, ApiQuery(query): ApiQuery<SeriesQuery>) -> Result<Json<Value>, ApiError> {
-    check_metric(&query.metric)?;
+/// Lines of one metric.
+#[derive(Serialize, JsonSchema)]
+pub struct TrendList {
+    /// The metric's id.
+    metric: String,
+    /// One for each combination of sequence, recipe and environment that has points.
+    series: Vec<Trend>,
+}
+
+/// A metric over time.
+pub async fn series(
+    State(service): Shared,
+    ApiQuery(query): ApiQuery<SeriesQuery>,
+) -> Result<Json<TrendList>, ApiError> {
+    check_metric(&service, &query.metric).await?;
     let filter = SeriesFilter {
-        sequence_hash: hash_of(&service, query.sequence.as_deref()).await?,
+        project: query.project,
+        sequence: subject(&service, query.sequence).await?,
         preset: query.preset,
         adapter: query.adapter,
+        id: None,
     };
-    let limit = query.limit.unwrap_or(200).clamp(1, MAX_LIMIT);
+    let limit = page::limit(Some(query.limit.unwrap_or(200)))? as usize;
     let mut lines = Vec::new();
     for series in service.store.series(&filter).await? {
         let points = service
             .store
-            .points(series.id, &query.metric, query.branch.as_deref(), limit)
+            .points(&series, &query.metric, query.branch.as_deref(), limit)
             .await?;
         if !points.is_empty() {
-            lines.push(Line { series, points });
+            lines.push(Trend { series, points });
         }
     }
-    Ok(Json(json!({"metric": query.metric, "series": lines})))
+    Ok(Json(TrendList {
+        metric: query.metric,
+        series: lines,
+    }))
 }
 
-/// Refuses what no report can have.
-fn check_metric(id: &str) -> Result<(), ApiError> {
-    if id == GPU_TIME {
+async fn find_series(service: &Service, id: i64) -> Result<Series, ApiError> {
+    let filter = SeriesFilter {
+        id: Some(id),
+        ..SeriesFilter::default()
+    };
+    let found = service.store.series(&filter).await?.pop();
+    found.ok_or_else(|| ApiError::not_found(format!("there is no series {id}")))
+}
+
+/// One series: what its points have in common.
+pub async fn one_series(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Json<Series>, ApiError> {
+    find_series(&service, id).await.map(Json)
+}
+
+/// Query of `GET /series/{series}/points`.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointQuery {
+    /// A metric's id, or `gpu_time_ms`.
+    #[schemars(length(min = 1, max = 100))]
+    metric: String,
+    /// Only of this branch, and of its parent up to where it left.
+    branch: Option<String>,
+    /// Not before: milliseconds since 1970.
+    since_ms: Option<i64>,
+    /// Not after: milliseconds since 1970.
+    until_ms: Option<i64>,
+    /// The newest so many, 1 to 1000000; 100000 where left out.
+    #[schemars(range(min = 1, max = 1_000_000))]
+    limit: Option<usize>,
+    /// Thin them to at most so many, 4 to 100000, that keep every peak; none are left out without it.
+    #[schemars(range(min = 4, max = 100_000))]
+    max_points: Option<usize>,
+    /// JSON unless this or the header `accept` asks for another.
+    format: Option<Format>,
+}
+
+/// Points of a series.
+#[derive(Serialize, JsonSchema)]
+pub struct PointList {
+    /// How many there were before thinning.
+    n_points: usize,
+    /// Oldest first.
+    points: Vec<Point>,
+}
+
+/// A metric of one series over time, whole or thinned, as JSON, CSV or Parquet.
+pub async fn points(
+    State(service): Shared,
+    ApiPath(id): ApiPath<i64>,
+    ApiQuery(query): ApiQuery<PointQuery>,
+    headers: HeaderMap,
+) -> Result<Response, ApiError> {
+    let bad = |field: &str, detail: &str| Err(ApiError::new(StatusCode::BAD_REQUEST, "bad_query", detail).field(field));
+    if query.limit.is_some_and(|limit| !(1..=1_000_000).contains(&limit)) {
+        return bad("limit", "`limit` must be 1 to 1000000");
+    }
+    if query.max_points.is_some_and(|max| !(4..=100_000).contains(&max)) {
+        return bad("max_points", "`max_points` must be 4 to 100000");
+    }
+    let series = find_series(&service, id).await?;
+    check_metric(&service, &query.metric).await?;
+    let path = match &query.branch {
+        None => None,
+        Some(branch) => Some(
+            service
+                .store
+                .branch_path(&series.project, branch)
+                .await?
+                .unwrap_or_default(),
+        ),
+    };
+    let filter = TrendFilter {
+        path,
+        since: Timestamp(query.since_ms.unwrap_or(i64::MIN)),
+        until: Timestamp(query.until_ms.unwrap_or(i64::MAX)),
+        limit: query.limit.unwrap_or(100_000),
+    };
+    let all = service.store.trend(id, &query.metric, &filter).await?;
+    let n_points = all.len();
+    let kept = match query.max_points {
+        Some(max) => downsample(&all, max),
+        None => all,
+    };
+    let points = service.store.describe(&kept).await?;
+    match Format::of(query.format, &headers) {
+        Format::Json => Ok(Json(PointList { n_points, points }).into_response()),
+        format => point_table(points).respond(format, &format!("series-{id}-{}", query.metric)),
+    }
+}
+
+fn point_table(points: Vec<Point>) -> Table {
+    let integers = |value: fn(&Point) -> Option<i64>| Column::Integers(points.iter().map(value).collect());
+    let texts = |value: fn(&Point) -> Option<String>| Column::Texts(points.iter().map(value).collect());
+    Table::default()
+        .with("report", integers(|point| Some(point.report_id)))
+        .with("job", integers(|point| point.job_id))
+        .with(
+            "created_at",
+            Column::Times(points.iter().map(|point| point.created_at).collect()),
+        )
+        .with("branch", texts(|point| point.branch.clone()))
+        .with("commit", texts(|point| point.commit.clone()))
+        .with(
+            "metric_version",
+            integers(|point| Some(i64::from(point.metric_version))),
+        )
+        .with(
+            "value",
+            Column::Numbers(points.iter().map(|point| Some(point.value.0)).collect()),
+        )
+}
+
+/// Refuses what no report has: neither a metric of this program nor one that was posted.
+async fn check_metric(service: &Service, id: &str) -> Result<(), ApiError> {
+    let known = Metric::from_str(id);
+    if id == GPU_TIME || known.is_ok() || service.store.metric_names().await?.iter().any(|name| name == id) {
         return Ok(());
     }
-    let known = Metric::from_str(id);
-    known
-        .map(drop)
-        .map_err(|error| ApiError::invalid("unknown_metric", error.to_string()).field("metric"))
+    let detail = known.err().map(|error| error.to_string()).unwrap_or_default();
+    Err(ApiError::invalid("unknown_metric", detail).field("metric"))
 }
 
 #[cfg(test)]
@@ -226,6 +388,6 @@ mod tests {
         ];
         let expected = "frame,reset,warmup,repaired_texels,non_finite_pixels,psnr,ssim,resolve_ms\n\
                         0,true,false,3,0,inf,1,\n1,false,false,3,0,31.5,,0.25\n";
-        assert_eq!(csv(&frames), expected);
+        assert_eq!(frame_table(&frames).csv(), expected);
     }
 }

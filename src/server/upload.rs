@@ -46,7 +46,7 @@ pub async fn put(
 }
 
 /// Names appear in addresses and tables, and must not be taken for hashes.
-fn check_name(name: &str) -> Result<(), ApiError> {
+pub fn check_name(name: &str) -> Result<(), ApiError> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     let like_a_hash = name.len() == 64 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
     if (1..=100).contains(&name.len()) && name.chars().all(plain) && !like_a_hash {
@@ -87,13 +87,8 @@ fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSe
     let scratch = tempfile::tempdir_in(service.folder.spool()).map_err(ApiError::internal)?;
     let folder = scratch.path().join("sequence");
     // The user knows paths inside the archive; ours would only confuse.
-    let (archive_path, folder_prefix) = (archive.path().display().to_string(), format!("{}/", folder.display()));
-    let relative = |error: &dyn Error| {
-        error
-            .to_string()
-            .replace(&archive_path, "the archive")
-            .replace(&folder_prefix, "")
-    };
+    let archive_path = archive.path().display().to_string();
+    let relative = |error: &dyn Error| error.to_string().replace(&archive_path, "the archive");
     let limits = archive::Limits {
         max_bytes: service.config.max_sequence_mib * MIB,
         ..archive::Limits::default()
@@ -101,6 +96,13 @@ fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSe
     archive::extract(archive.path(), &folder, limits)
         .map_err(|error| ApiError::invalid("invalid_archive", relative(&error)))?;
     drop(archive);
+    adopt(service, name, &folder)
+}
+
+/// Checks and hashes a sequence's folder in the spool, and moves it into place.
+pub fn adopt(service: &Service, name: &str, folder: &Path) -> Result<NewSequence, ApiError> {
+    let folder_prefix = format!("{}/", folder.display());
+    let relative = |error: &dyn Error| error.to_string().replace(&folder_prefix, "");
     let invalid = |error: SequenceError| {
         let problem = ApiError::invalid("invalid_sequence", relative(&error));
         match error {
@@ -111,7 +113,7 @@ fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSe
             _ => problem,
         }
     };
-    let sequence = Sequence::open(&folder, &service.reader).map_err(invalid)?;
+    let sequence = Sequence::open(folder, &service.reader).map_err(invalid)?;
     sequence.verify_files().map_err(invalid)?;
     let stored = NewSequence {
         hash: sequence.hash().map_err(invalid)?,
@@ -120,11 +122,11 @@ fn unpack(service: &Service, name: &str, archive: NamedTempFile) -> Result<NewSe
         render_size: sequence.render_size(),
         output_size: sequence.output_size(),
         n_frames: sequence.n_frames(),
-        n_bytes: folder_size(&folder).map_err(ApiError::internal)?,
+        n_bytes: folder_size(folder).map_err(ApiError::internal)?,
     };
     service
         .folder
-        .adopt_sequence(&folder, &stored.hash)
+        .adopt_sequence(folder, &stored.hash)
         .map_err(ApiError::internal)?;
     Ok(stored)
 }

@@ -4,6 +4,7 @@
 //! lock                                   held while a service runs here
 //! afterimage.sqlite                      the database
 //! sequences/<content hash>/              a sequence as submitted
+//! blobs/<sha256>, <sha256>.part          files put one by one, and what broke off of them
 //! jobs/<job>/<preset index>/0000.exr     resolved images, by frame
 //! spool/                                 unfinished uploads; emptied at start
 //! ```
@@ -56,7 +57,12 @@ impl DataFolder {
             _lock: Arc::new(lock),
         };
         remove(&folder.spool()).map_err(at(&folder.spool()))?;
-        for path in [folder.spool(), root.join("sequences"), root.join("jobs")] {
+        for path in [
+            folder.spool(),
+            root.join("sequences"),
+            root.join("jobs"),
+            root.join("blobs"),
+        ] {
             fs::create_dir_all(&path).map_err(at(&path))?;
         }
         Ok(folder)
@@ -70,6 +76,27 @@ impl DataFolder {
     /// Where unfinished files are written; on the same file system as the rest, so that they can be renamed into place.
     pub fn spool(&self) -> PathBuf {
         self.root.join("spool")
+    }
+
+    /// A file by its content's hash.
+    pub fn blob(&self, hash: &str) -> PathBuf {
+        self.root.join("blobs").join(hash)
+    }
+
+    /// What has come of one so far.
+    pub fn partial_blob(&self, hash: &str) -> PathBuf {
+        self.root.join("blobs").join(format!("{hash}.part"))
+    }
+
+    /// Removes blobs that nobody has touched since `deadline`. Sequences have their own links to the files they use.
+    pub fn forget_blobs(&self, deadline: std::time::SystemTime) -> io::Result<()> {
+        for entry in fs::read_dir(self.root.join("blobs"))? {
+            let entry = entry?;
+            if entry.metadata()?.modified()? < deadline {
+                fs::remove_file(entry.path())?;
+            }
+        }
+        Ok(())
     }
 
     /// A sequence's folder.

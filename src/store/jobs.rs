@@ -1,12 +1,14 @@
 //! Jobs as their submitters see them: what was asked for, where it stands, how it ended.
 
-use super::{Store, StoreError, Timestamp};
+use super::{Environment, Provenance, Store, StoreError, Timestamp};
 use crate::run::RunSpec;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
+use std::collections::BTreeMap;
 
 /// Where a job stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, sqlx::Type)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, sqlx::Type)]
 #[serde(rename_all = "snake_case")]
 #[sqlx(rename_all = "snake_case")]
 pub enum Status {
@@ -30,7 +32,7 @@ impl Status {
 }
 
 /// Which precision output images are kept in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Images {
     /// No images are kept.
@@ -43,13 +45,29 @@ pub enum Images {
 }
 
 /// Everything a worker must know to do a job.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct JobSpec {
     /// What to run.
     #[serde(flatten)]
     pub run: RunSpec,
     /// Which output images to keep.
     pub images: Images,
+    /// Images rendered elsewhere, to be compared instead of running presets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outputs: Option<Outputs>,
+}
+
+/// Images of a system elsewhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Outputs {
+    /// The system's name.
+    pub system: String,
+    /// Its settings.
+    pub parameters: serde_json::Map<String, serde_json::Value>,
+    /// What rendered them.
+    pub environment: Environment,
+    /// By frame index: SHA-256 of a blob that holds the image.
+    pub images: BTreeMap<usize, String>,
 }
 
 /// A validated job to be queued.
@@ -59,16 +77,14 @@ pub struct NewJob {
     pub sequence_id: i64,
     /// What to run.
     pub spec: JobSpec,
-    /// Branch the submitter works on.
-    pub git_branch: Option<String>,
-    /// Commit the submitter works on.
-    pub git_commit: Option<String>,
-    /// Free text.
-    pub label: Option<String>,
+    /// Project by name.
+    pub project: String,
+    /// Which state of the submitter's code is measured.
+    pub provenance: Provenance,
 }
 
 /// Whose fault a failure is. Only [`FailureKind::Device`] is worth another try.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, sqlx::Type)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, sqlx::Type)]
 #[serde(rename_all = "snake_case")]
 #[sqlx(rename_all = "snake_case")]
 pub enum FailureKind {
@@ -81,7 +97,7 @@ pub enum FailureKind {
 }
 
 /// Why a job failed.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Failure {
     /// Whose fault.
     pub kind: FailureKind,
@@ -92,7 +108,7 @@ pub struct Failure {
 }
 
 /// A stored job.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Job {
     /// Number, rising with time.
     pub id: i64,
@@ -104,12 +120,11 @@ pub struct Job {
     pub sequence_name: String,
     /// What to run.
     pub spec: JobSpec,
-    /// Branch the submitter gave.
-    pub branch: Option<String>,
-    /// Commit the submitter gave.
-    pub commit: Option<String>,
-    /// Free text.
-    pub label: Option<String>,
+    /// Project.
+    pub project: String,
+    /// Which state of the submitter's code is measured.
+    #[serde(flatten)]
+    pub provenance: Provenance,
     /// Started attempts.
     pub attempts: i64,
     /// Frame × preset pairs with metrics.
@@ -146,9 +161,13 @@ impl FromRow<'_, SqliteRow> for Job {
             sequence_hash: row.try_get("sequence_hash")?,
             sequence_name: row.try_get("sequence_name")?,
             spec: serde_json::from_str(spec).map_err(|source| sqlx::Error::Decode(source.into()))?,
-            branch: row.try_get("git_branch")?,
-            commit: row.try_get("git_commit")?,
-            label: row.try_get("label")?,
+            project: row.try_get("project")?,
+            provenance: Provenance {
+                branch: row.try_get("git_branch")?,
+                commit: row.try_get("git_commit")?,
+                label: row.try_get("label")?,
+                ..super::reading::json(row, "provenance")?
+            },
             attempts: row.try_get("attempts")?,
             n_done: row.try_get("n_done")?,
             n_total: row.try_get("n_total")?,
@@ -181,6 +200,8 @@ pub struct JobFilter {
     pub status: Option<Status>,
     /// Only those of the sequence with this hash.
     pub sequence_hash: Option<String>,
+    /// Only of this project.
+    pub project: Option<String>,
     /// Only jobs with a smaller number: the last one of the page before.
     pub before: Option<i64>,
     /// At most so many.
@@ -202,14 +223,16 @@ impl Store {
     /// Queues a job and gives its number.
     pub async fn enqueue(&self, job: &NewJob, now: Timestamp) -> Result<i64, StoreError> {
         let id = sqlx::query_scalar(
-            "INSERT INTO jobs (sequence_id, spec, git_branch, git_commit, label, status, created_at)
-             VALUES (?, ?, ?, ?, ?, 'queued', ?) RETURNING id",
+            "INSERT INTO jobs (sequence_id, spec, git_branch, git_commit, label, project, provenance, status, created_at)
+             VALUES (?, ?, ?, ?, ?, ?, ?, 'queued', ?) RETURNING id",
         )
         .bind(job.sequence_id)
         .bind(serde_json::to_string(&job.spec)?)
-        .bind(&job.git_branch)
-        .bind(&job.git_commit)
-        .bind(&job.label)
+        .bind(&job.provenance.branch)
+        .bind(&job.provenance.commit)
+        .bind(&job.provenance.label)
+        .bind(&job.project)
+        .bind(serde_json::to_string(&job.provenance)?)
         .bind(now)
         .fetch_one(&self.writer)
         .await?;
@@ -229,16 +252,33 @@ impl Store {
     pub async fn jobs(&self, filter: &JobFilter) -> Result<Vec<Job>, StoreError> {
         let found = sqlx::query_as(select_jobs!(
             "WHERE (?1 IS NULL OR jobs.status = ?1) AND (?2 IS NULL OR sequences.hash = ?2)
-               AND (?3 IS NULL OR jobs.id < ?3)
+               AND (?3 IS NULL OR jobs.id < ?3) AND (?5 IS NULL OR jobs.project = ?5)
              ORDER BY jobs.id DESC LIMIT ?4"
         ))
         .bind(filter.status)
         .bind(&filter.sequence_hash)
         .bind(filter.before)
         .bind(filter.limit)
+        .bind(&filter.project)
         .fetch_all(&self.readers)
         .await?;
         Ok(found)
+    }
+
+    /// How many jobs wait.
+    pub async fn n_queued(&self) -> Result<u64, StoreError> {
+        let n: i64 = sqlx::query_scalar("SELECT count(*) FROM jobs WHERE status = 'queued'")
+            .fetch_one(&self.readers)
+            .await?;
+        Ok(n as u64)
+    }
+
+    /// How many jobs there are of each status.
+    pub async fn job_counts(&self) -> Result<Vec<(Status, i64)>, StoreError> {
+        let counts = sqlx::query_as("SELECT status, count(*) FROM jobs GROUP BY status")
+            .fetch_all(&self.readers)
+            .await?;
+        Ok(counts)
     }
 
     /// Asks for a job's end.

@@ -4,24 +4,44 @@
 //! SQLite allows one writer at a time, so there is exactly one writing connection and writers queue in this process
 //! instead of failing with `SQLITE_BUSY`; readers have a pool of their own and, in WAL mode, never wait for the writer.
 //! A report becomes visible whole or not at all: [`Store::finish`] writes every row of a job, and the job's `done`, in
-//! one transaction.
+//! one transaction. Results measured elsewhere go through [`Ingest`], which commits many at once.
 
+mod columns;
+mod convert;
 mod data_folder;
+mod ingest;
 mod jobs;
+mod model;
+mod projects;
 mod queue;
 mod reading;
-mod reports;
 mod sequences;
 mod time;
+mod tokens;
+mod trend;
 mod value;
+mod verdicts;
+mod webhooks;
+mod writing;
 
 pub use data_folder::{DataFolder, FolderError};
-pub use jobs::{Cancelled, Failure, FailureKind, Images, Job, JobFilter, JobSpec, NewJob, Status};
+pub use ingest::{Ingest, KeptAnswer};
+pub use jobs::{Cancelled, Failure, FailureKind, Images, Job, JobFilter, JobSpec, NewJob, Outputs, Status};
+pub use model::{
+    DEFAULT_PROJECT, Departure, Environment, GPU_TIME, MetricSummary, NewReport, Provenance, Subject, System,
+    SystemKind, condense, known_version,
+};
+pub use projects::Branch;
 pub use queue::{Claim, MAX_ATTEMPTS};
-pub use reading::{GPU_TIME, Point, Report, ReportFilter, Series, SeriesFilter};
+pub use reading::{Report, ReportFilter, Series, SeriesFilter};
 pub use sequences::{NewSequence, Sequence};
 pub use time::Timestamp;
+pub use tokens::{NewToken, Scope, Token, random_secret, token_hash};
+pub use trend::{BranchPath, Point, TrendFilter, TrendPoint, downsample};
+pub use verdicts::{Alert, AlertFilter, AlertStatus, Decision, Verdict};
+pub use webhooks::{Delivery, DeliveryStatus, Webhook};
 
+use crate::run::report::FrameReport;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use std::{
     path::{Path, PathBuf},
@@ -56,6 +76,24 @@ pub enum StoreError {
     /// The job was cancelled, or taken over after its lease ran out; nothing was written.
     #[error("job {0} is no longer this worker's")]
     ClaimLost(i64),
+    /// Frames for a report that is not there.
+    #[error("there is no report {0}")]
+    NoReport(i64),
+    /// Frames for a report that has ended.
+    #[error("report {0} is complete; frames can no longer be added")]
+    Closed(i64),
+    /// Two rows of one frame in one go.
+    #[error("frame {0} is there twice")]
+    RepeatedFrame(usize),
+    /// A packed column is not as long as its layout says.
+    #[error("the frames of report {0} are damaged")]
+    Damaged(i64),
+    /// The system gives no random numbers.
+    #[error("no random numbers: {0}")]
+    Random(String),
+    /// More posts wait than the disk keeps up with.
+    #[error("too many results are being posted at once")]
+    Busy,
 }
 
 /// Connections to the database file.
@@ -63,6 +101,7 @@ pub enum StoreError {
 pub struct Store {
     writer: SqlitePool,
     readers: SqlitePool,
+    ingest: Ingest,
 }
 
 /// Enough for the pages that one dashboard asks for at once; more would only contend for the same disk.
@@ -96,12 +135,23 @@ impl Store {
                 path: path.to_owned(),
                 source,
             })?;
+        convert::convert(&writer).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(N_READERS)
             .connect_with(options.read_only(true).create_if_missing(false))
             .await
             .map_err(open_error)?;
-        Ok(Self { writer, readers })
+        let ingest = Ingest::start(writer.clone());
+        Ok(Self {
+            writer,
+            readers,
+            ingest,
+        })
+    }
+
+    /// Where results measured elsewhere are posted.
+    pub fn ingest(&self) -> &Ingest {
+        &self.ingest
     }
 
     /// Whether the database answers.

@@ -1,7 +1,7 @@
 //! The queue as a worker sees it. It claims the oldest job with a lease that it keeps renewing; a job whose worker died
 //! is taken up again, at most [`MAX_ATTEMPTS`] times, because the job may be what kills it.
 
-use super::{Failure, FailureKind, JobSpec, Status, Store, StoreError, Timestamp};
+use super::{Failure, FailureKind, JobSpec, Provenance, Status, Store, StoreError, Timestamp};
 use sqlx::Row;
 use std::time::Duration;
 
@@ -19,6 +19,8 @@ pub struct Claim {
     pub spec: JobSpec,
     /// Which start this is, from 1.
     pub attempt: i64,
+    pub(super) project: String,
+    pub(super) provenance: Provenance,
     pub(super) sequence_id: i64,
     pub(super) lease: i64,
 }
@@ -54,7 +56,7 @@ impl Store {
                              started_at = coalesce(started_at, ?2), n_done = 0
              WHERE id = (SELECT id FROM jobs WHERE status = 'queued' ORDER BY id LIMIT 1)
              RETURNING id, sequence_id, (SELECT hash FROM sequences WHERE id = sequence_id) AS hash, spec, attempts,
-                       lease",
+                       lease, project, provenance",
         )
         .bind(now + lease)
         .bind(now)
@@ -66,6 +68,8 @@ impl Store {
             sequence_hash: row.try_get("hash")?,
             spec: serde_json::from_str(row.try_get("spec")?)?,
             attempt: row.try_get("attempts")?,
+            project: row.try_get("project")?,
+            provenance: serde_json::from_str(row.try_get("provenance")?)?,
             sequence_id: row.try_get("sequence_id")?,
             lease: row.try_get("lease")?,
         }))

@@ -1,36 +1,33 @@
-//! Reading reports: one in full, the rows of its frames, the latest of every series, and a metric over time.
+//! Reading reports: one in full, the rows of its frames, lists, and the series they belong to.
 
-use super::{Store, StoreError, Timestamp, value};
+use super::{
+    Departure, Environment, MetricSummary, Provenance, Store, StoreError, SystemKind, Timestamp, columns::Layout, value,
+};
 use crate::{
     metrics::{Summary, Value},
     run::report::{AdapterInfo, FrameReport, TimeSummary},
     taa::{Precision, validation::Validation},
 };
+use schemars::JsonSchema;
 use serde::Serialize;
-use sqlx::{FromRow, Row, sqlite::SqliteRow};
+use sqlx::{FromRow, Row, SqliteConnection, sqlite::SqliteRow};
 use std::collections::BTreeMap;
 
-/// The id under which a series of GPU times is asked for, beside the metrics' own.
-pub const GPU_TIME: &str = "gpu_time_ms";
-
 /// A stored report without its frames.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Report {
     /// Number, rising with time.
     pub id: i64,
-    /// The job it came from.
-    pub job_id: i64,
+    /// The job it came from, if it was measured here.
+    pub job_id: Option<i64>,
     /// Position in that job's list of presets.
     pub preset_index: i64,
     /// What it is comparable with.
     #[serde(flatten)]
     pub series: Series,
-    /// Branch the submitter gave.
-    pub branch: Option<String>,
-    /// Commit the submitter gave.
-    pub commit: Option<String>,
-    /// The submitter's free text.
-    pub label: Option<String>,
+    /// Of which code.
+    #[serde(flatten)]
+    pub provenance: Provenance,
     /// Git revision of the build that ran.
     pub revision: String,
     /// What a reader must know to trust the numbers.
@@ -41,6 +38,8 @@ pub struct Report {
     pub gpu_time_ms: Option<f64>,
     /// When it was stored.
     pub created_at: Timestamp,
+    /// False while frames are still being added.
+    pub complete: bool,
     /// The one number that stands for the sequence, by metric: the mean of its frames after warm-up.
     pub values: BTreeMap<String, Value>,
     /// By metric.
@@ -54,38 +53,55 @@ pub struct Report {
 }
 
 /// What two reports must share to be comparable.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Series {
     /// Row id.
     #[serde(rename = "series_id")]
     pub id: i64,
-    /// Content hash of the sequence.
-    pub sequence_hash: String,
+    /// Project.
+    pub project: String,
+    /// Content hash of the sequence; none where only its name is known.
+    pub sequence_hash: Option<String>,
     /// Name of the sequence.
     pub sequence_name: String,
-    /// Preset id.
+    /// Whether it ran here or elsewhere.
+    pub kind: SystemKind,
+    /// Preset id, or the external system's name.
     pub preset: String,
-    /// How history was stored.
-    pub history: Precision,
+    /// How history was stored; none where unknown.
+    pub history: Option<Precision>,
     /// The recipe in full.
     pub parameters: serde_json::Value,
     /// The parameters that the submitter changed.
     pub overrides: serde_json::Map<String, serde_json::Value>,
-    /// What ran it.
-    pub adapter: AdapterInfo,
+    /// The machine; equal numbers mean equal environments.
+    pub environment_id: i64,
+    /// Adapter, driver, operating system, clocks.
+    #[serde(flatten)]
+    pub environment: Environment,
 }
 
 /// Which reports to list, newest first.
 #[derive(Clone, Debug, Default)]
 pub struct ReportFilter {
-    /// Only of the sequence with this content hash.
-    pub sequence_hash: Option<String>,
-    /// Only of this preset.
+    /// Only of this project.
+    pub project: Option<String>,
+    /// Only of the sequence with this content hash, or of the one known by this name only.
+    pub sequence: Option<String>,
+    /// Only of this preset or external system.
     pub preset: Option<String>,
+    /// Only of this branch.
+    pub branch: Option<String>,
+    /// Only of this commit.
+    pub commit: Option<String>,
+    /// Only of this series.
+    pub series_id: Option<i64>,
     /// Only of this job.
     pub job_id: Option<i64>,
     /// Only the newest of each series.
     pub latest_only: bool,
+    /// Only those with smaller numbers: the last one of the page before.
+    pub before: Option<i64>,
     /// At most so many.
     pub limit: u32,
 }
@@ -93,54 +109,47 @@ pub struct ReportFilter {
 /// Which series to show.
 #[derive(Clone, Debug, Default)]
 pub struct SeriesFilter {
-    /// Only of the sequence with this content hash.
-    pub sequence_hash: Option<String>,
-    /// Only of this preset.
+    /// Only of this project.
+    pub project: Option<String>,
+    /// Only of the sequence with this content hash, or of the one known by this name only.
+    pub sequence: Option<String>,
+    /// Only of this preset or external system.
     pub preset: Option<String>,
     /// Only on adapters of this name.
     pub adapter: Option<String>,
-}
-
-/// A metric at one point in time.
-#[derive(Clone, Debug, Serialize)]
-pub struct Point {
-    /// The report it stands for.
-    pub report_id: i64,
-    /// The job of that report.
-    pub job_id: i64,
-    /// Branch the submitter gave.
-    pub branch: Option<String>,
-    /// Commit the submitter gave.
-    pub commit: Option<String>,
-    /// When it was stored.
-    pub created_at: Timestamp,
-    /// The value.
-    pub value: Value,
-    /// Version of the metric; only equal ones compare. 0 for times.
-    pub metric_version: u32,
+    /// Only the one with this number.
+    pub id: Option<i64>,
 }
 
 /// Parses a JSON column.
-fn json<T: serde::de::DeserializeOwned>(row: &SqliteRow, column: &str) -> Result<T, sqlx::Error> {
+pub(super) fn json<T: serde::de::DeserializeOwned>(row: &SqliteRow, column: &str) -> Result<T, sqlx::Error> {
     serde_json::from_str(row.try_get(column)?).map_err(|source| sqlx::Error::Decode(source.into()))
 }
 
 impl FromRow<'_, SqliteRow> for Series {
     fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
+        let history: Option<&str> = row.try_get("history")?;
         Ok(Self {
             id: row.try_get("series_id")?,
+            project: row.try_get("project")?,
             sequence_hash: row.try_get("hash")?,
             sequence_name: row.try_get("name")?,
+            kind: row.try_get("variant_kind")?,
             preset: row.try_get("preset")?,
-            history: value::precision(row.try_get("history")?),
+            history: history.map(value::precision),
             parameters: json(row, "parameters")?,
-            overrides: json(row, "overrides")?,
-            adapter: AdapterInfo {
-                name: row.try_get("adapter_name")?,
-                backend: row.try_get("backend")?,
-                kind: row.try_get("kind")?,
-                driver: row.try_get("driver")?,
-                driver_version: row.try_get("driver_version")?,
+            overrides: json::<Option<_>>(row, "overrides")?.unwrap_or_default(),
+            environment_id: row.try_get("environment_id")?,
+            environment: Environment {
+                adapter: AdapterInfo {
+                    name: row.try_get("adapter_name")?,
+                    backend: row.try_get("backend")?,
+                    kind: row.try_get("adapter_kind")?,
+                    driver: row.try_get("driver")?,
+                    driver_version: row.try_get("driver_version")?,
+                },
+                os: row.try_get("os")?,
+                clocks: row.try_get("clocks")?,
             },
         })
     }
@@ -148,24 +157,47 @@ impl FromRow<'_, SqliteRow> for Series {
 
 impl FromRow<'_, SqliteRow> for Report {
     fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
+        let metrics: BTreeMap<String, MetricSummary> = json(row, "metrics")?;
+        let parent: Option<String> = row.try_get("parent_branch")?;
+        let departed: Option<String> = row.try_get("departed_commit")?;
         Ok(Self {
             id: row.try_get("id")?,
             job_id: row.try_get("job_id")?,
             preset_index: row.try_get("preset_index")?,
             series: Series::from_row(row)?,
-            branch: row.try_get("git_branch")?,
-            commit: row.try_get("git_commit")?,
-            label: row.try_get("label")?,
+            provenance: Provenance {
+                branch: row.try_get("git_branch")?,
+                from: parent.map(|branch| Departure {
+                    branch,
+                    commit: departed,
+                }),
+                commit: row.try_get("git_commit")?,
+                parent: row.try_get("parent_commit")?,
+                pull_request: row.try_get("pull_request")?,
+                engine_version: row.try_get("engine_version")?,
+                label: row.try_get("label")?,
+                labels: json(row, "labels")?,
+            },
             revision: row.try_get("revision")?,
             notes: json(row, "notes")?,
             stages_ms: json(row, "stages_ms")?,
             gpu_time_ms: row.try_get("gpu_time_ms")?,
             created_at: row.try_get("created_at")?,
-            values: BTreeMap::new(),
-            summary: BTreeMap::new(),
-            metric_versions: BTreeMap::new(),
-            times_ms: BTreeMap::new(),
-            validation: None,
+            complete: row.try_get("complete")?,
+            values: metrics
+                .iter()
+                .map(|(metric, found)| (metric.clone(), found.summary.mean))
+                .collect(),
+            metric_versions: metrics
+                .iter()
+                .map(|(metric, found)| (metric.clone(), found.version))
+                .collect(),
+            summary: metrics
+                .into_iter()
+                .map(|(metric, found)| (metric, found.summary))
+                .collect(),
+            times_ms: json(row, "times_ms")?,
+            validation: json(row, "validation")?,
         })
     }
 }
@@ -176,28 +208,81 @@ macro_rules! select_series {
         concat!(
             "SELECT ",
             $columns,
-            " series.id AS series_id, sequences.hash, sequences.name, variants.preset, variants.history,
-             variants.parameters, variants.overrides, adapters.name AS adapter_name, adapters.backend, adapters.kind,
-             adapters.driver, adapters.driver_version FROM ",
+            " series.id AS series_id, projects.name AS project, sequences.hash,
+             coalesce(sequences.name, subjects.name) AS name, variants.kind AS variant_kind, variants.preset,
+             variants.history, variants.parameters, variants.overrides, environments.id AS environment_id,
+             environments.os, environments.clocks, adapters.name AS adapter_name, adapters.backend,
+             adapters.kind AS adapter_kind, adapters.driver, adapters.driver_version FROM ",
             $from,
-            " JOIN sequences ON sequences.id = series.sequence_id
+            " JOIN projects ON projects.id = series.project_id
+             JOIN subjects ON subjects.id = series.subject_id
+             LEFT JOIN sequences ON sequences.id = subjects.sequence_id
              JOIN variants ON variants.id = series.variant_id
-             JOIN adapters ON adapters.id = series.adapter_id ",
+             JOIN environments ON environments.id = series.environment_id
+             JOIN adapters ON adapters.id = environments.adapter_id ",
             $rest
         )
     };
 }
 
-/// A report with its series and what its job's submitter said.
+/// A report with its series and where it came from.
 macro_rules! select_reports {
     ($rest:literal) => {
         select_series!(
             "reports.id, reports.job_id, reports.preset_index, reports.revision, reports.notes, reports.stages_ms,
-             reports.gpu_time_ms, reports.created_at, jobs.git_branch, jobs.git_commit, jobs.label,",
-            "reports JOIN jobs ON jobs.id = reports.job_id JOIN series ON series.id = reports.series_id",
+             reports.gpu_time_ms, reports.created_at, reports.complete, reports.metrics, reports.times_ms,
+             reports.git_commit, reports.parent_commit, reports.pull_request, reports.engine_version, reports.label,
+             reports.labels,
+             ifnull((SELECT summary FROM validations WHERE report_id = reports.id), 'null') AS validation,
+             branches.name AS git_branch, branches.departed_commit,
+             (SELECT name FROM branches AS parents WHERE parents.id = branches.parent_id) AS parent_branch,",
+            "reports JOIN series ON series.id = reports.series_id LEFT JOIN branches ON branches.id = reports.branch_id",
             $rest
         )
     };
+}
+
+/// Complete reports by one way in and all filters of a list.
+macro_rules! reports_where {
+    ($way:literal, $order:literal) => {
+        concat!(
+            select_reports!("WHERE reports.complete AND "),
+            $way,
+            " AND (?4 IS NULL OR projects.name = ?4)
+               AND (?5 IS NULL OR coalesce(sequences.hash, subjects.name) = ?5)
+               AND (?6 IS NULL OR variants.preset = ?6) AND (?7 IS NULL OR branches.name = ?7)
+               AND (?8 IS NULL OR reports.id < ?8) AND (?1 IS NULL OR reports.job_id = ?1)
+               AND (?2 IS NULL OR reports.series_id = ?2) AND (?3 IS NULL OR reports.git_commit = ?3)
+             ORDER BY ",
+            $order,
+            " LIMIT ?9"
+        )
+    };
+}
+
+/// Every frame of a report, in order.
+pub(super) async fn read_frames(
+    connection: &mut SqliteConnection,
+    report_id: i64,
+) -> Result<Vec<FrameReport>, StoreError> {
+    let chunks: Vec<(String, String, Vec<u8>)> = sqlx::query_as(
+        "SELECT metrics, passes, data FROM frame_chunks JOIN frame_layouts ON frame_layouts.id = layout_id
+         WHERE report_id = ? ORDER BY frame_chunks.id",
+    )
+    .bind(report_id)
+    .fetch_all(connection)
+    .await?;
+    let mut frames = BTreeMap::new();
+    for (metrics, passes, data) in chunks {
+        let layout = Layout {
+            metrics: serde_json::from_str(&metrics)?,
+            passes: serde_json::from_str(&passes)?,
+        };
+        layout
+            .unpack(&data, &mut frames)
+            .ok_or(StoreError::Damaged(report_id))?;
+    }
+    Ok(frames.into_values().collect())
 }
 
 impl Store {
@@ -207,77 +292,36 @@ impl Store {
             .bind(id)
             .fetch_optional(&self.readers)
             .await?;
-        match found {
-            Some(report) => Ok(Some(self.with_summaries(report).await?)),
-            None => Ok(None),
-        }
+        Ok(found)
     }
 
-    /// Reports, newest first; of one job, in the order of its presets.
+    /// Complete reports, newest first; of one job, in the order of its presets.
     pub async fn reports(&self, filter: &ReportFilter) -> Result<Vec<Report>, StoreError> {
+        // One statement a way in, so that each walks its own index.
         let sql = if filter.job_id.is_some() {
-            select_reports!(
-                "WHERE reports.job_id = ?3 AND ?1 IS NULL AND ?2 IS NULL ORDER BY reports.preset_index LIMIT ?4"
-            )
+            reports_where!("reports.job_id = ?1", "reports.preset_index")
+        } else if filter.series_id.is_some() {
+            reports_where!("reports.series_id = ?2", "reports.id DESC")
+        } else if filter.commit.is_some() {
+            reports_where!("reports.git_commit = ?3", "reports.id DESC")
         } else if filter.latest_only {
-            select_reports!(
-                "WHERE reports.id IN (SELECT latest_report_id FROM series) AND (?1 IS NULL OR sequences.hash = ?1)
-                   AND (?2 IS NULL OR variants.preset = ?2) AND ?3 IS NULL
-                 ORDER BY reports.id DESC LIMIT ?4"
-            )
+            reports_where!("reports.id IN (SELECT latest_report_id FROM series)", "reports.id DESC")
         } else {
-            select_reports!(
-                "WHERE (?1 IS NULL OR sequences.hash = ?1) AND (?2 IS NULL OR variants.preset = ?2) AND ?3 IS NULL
-                 ORDER BY reports.id DESC LIMIT ?4"
-            )
+            reports_where!("1", "reports.id DESC")
         };
-        let found: Vec<Report> = sqlx::query_as(sql)
-            .bind(&filter.sequence_hash)
-            .bind(&filter.preset)
+        let found = sqlx::query_as(sql)
             .bind(filter.job_id)
+            .bind(filter.series_id)
+            .bind(&filter.commit)
+            .bind(&filter.project)
+            .bind(&filter.sequence)
+            .bind(&filter.preset)
+            .bind(&filter.branch)
+            .bind(filter.before)
             .bind(filter.limit)
             .fetch_all(&self.readers)
             .await?;
-        let mut reports = Vec::with_capacity(found.len());
-        for report in found {
-            reports.push(self.with_summaries(report).await?);
-        }
-        Ok(reports)
-    }
-
-    /// Adds what the report's child tables hold.
-    async fn with_summaries(&self, mut report: Report) -> Result<Report, StoreError> {
-        let metrics = sqlx::query(
-            "SELECT metrics.name, version, value, special, summary
-             FROM report_metrics JOIN metrics ON metrics.id = metric_id WHERE report_id = ?",
-        )
-        .bind(report.id)
-        .fetch_all(&self.readers)
-        .await?;
-        for row in metrics {
-            let metric: String = row.try_get("name")?;
-            let mean = value::value(row.try_get("value")?, row.try_get("special")?);
-            report.values.insert(metric.clone(), mean);
-            report.summary.insert(metric.clone(), json(&row, "summary")?);
-            report.metric_versions.insert(metric, row.try_get("version")?);
-        }
-        let passes: Vec<(String, f64, f64, f64, i64)> = sqlx::query_as(
-            "SELECT passes.name, median_ms, min_ms, mad_ms, n_samples
-             FROM report_passes JOIN passes ON passes.id = pass_id WHERE report_id = ?",
-        )
-        .bind(report.id)
-        .fetch_all(&self.readers)
-        .await?;
-        for (pass, median, min, mad, n) in passes {
-            let n = n as usize;
-            report.times_ms.insert(pass, TimeSummary { median, min, mad, n });
-        }
-        let validation: Option<String> = sqlx::query_scalar("SELECT summary FROM validations WHERE report_id = ?")
-            .bind(report.id)
-            .fetch_optional(&self.readers)
-            .await?;
-        report.validation = validation.map(|json| serde_json::from_str(&json)).transpose()?;
-        Ok(report)
+        Ok(found)
     }
 
     /// How far the adapter was from the twin in a report, with every frame; none where that was not asked.
@@ -298,114 +342,35 @@ impl Store {
 
     /// Every frame of a report, in order.
     pub async fn frames(&self, report_id: i64) -> Result<Vec<FrameReport>, StoreError> {
-        let rows: Vec<(i64, bool, bool, i64, i64)> = sqlx::query_as(
-            "SELECT frame_index, reset, warmup, repaired_texels, non_finite_pixels
-             FROM frames WHERE report_id = ? ORDER BY frame_index",
-        )
-        .bind(report_id)
-        .fetch_all(&self.readers)
-        .await?;
-        let mut frames: BTreeMap<i64, FrameReport> = BTreeMap::new();
-        for (index, reset, warmup, repaired_texels, non_finite_pixels) in rows {
-            let frame = FrameReport {
-                index: index as usize,
-                reset,
-                warmup,
-                repaired_texels: repaired_texels as u64,
-                non_finite_pixels: non_finite_pixels as u64,
-                metrics: BTreeMap::new(),
-                times_ms: BTreeMap::new(),
-            };
-            frames.insert(index, frame);
-        }
-        let scores: Vec<(i64, String, Option<f64>, Option<String>)> = sqlx::query_as(
-            "SELECT frame_index, metrics.name, value, special
-             FROM frame_metrics JOIN metrics ON metrics.id = metric_id WHERE report_id = ?",
-        )
-        .bind(report_id)
-        .fetch_all(&self.readers)
-        .await?;
-        for (index, metric, number, special) in scores {
-            if let Some(frame) = frames.get_mut(&index) {
-                frame.metrics.insert(metric, value::value(number, special.as_deref()));
-            }
-        }
-        let times: Vec<(i64, String, f64)> = sqlx::query_as(
-            "SELECT frame_index, passes.name, time_ms
-             FROM pass_times JOIN passes ON passes.id = pass_id WHERE report_id = ?",
-        )
-        .bind(report_id)
-        .fetch_all(&self.readers)
-        .await?;
-        for (index, pass, time_ms) in times {
-            if let Some(frame) = frames.get_mut(&index) {
-                frame.times_ms.insert(pass, time_ms);
-            }
-        }
-        Ok(frames.into_values().collect())
+        let mut connection = self.readers.acquire().await?;
+        read_frames(&mut connection, report_id).await
     }
 
-    /// The series that have reports, by sequence, preset and adapter.
+    /// The series that have complete reports, by sequence, preset and environment.
     pub async fn series(&self, filter: &SeriesFilter) -> Result<Vec<Series>, StoreError> {
         let found = sqlx::query_as(select_series!(
             "",
             "series",
-            "WHERE (?1 IS NULL OR sequences.hash = ?1) AND (?2 IS NULL OR variants.preset = ?2)
-               AND (?3 IS NULL OR adapters.name = ?3)
-             ORDER BY sequences.name, sequences.put_at DESC, variants.preset, variants.id, adapters.id"
+            "WHERE series.latest_report_id IS NOT NULL AND (?1 IS NULL OR coalesce(sequences.hash, subjects.name) = ?1)
+               AND (?2 IS NULL OR variants.preset = ?2) AND (?3 IS NULL OR adapters.name = ?3)
+               AND (?4 IS NULL OR projects.name = ?4) AND (?5 IS NULL OR series.id = ?5)
+             ORDER BY coalesce(sequences.name, subjects.name), sequences.put_at DESC, variants.preset, variants.id,
+                      environments.id"
         ))
-        .bind(&filter.sequence_hash)
+        .bind(&filter.sequence)
         .bind(&filter.preset)
         .bind(&filter.adapter)
+        .bind(&filter.project)
+        .bind(filter.id)
         .fetch_all(&self.readers)
         .await?;
         Ok(found)
     }
 
-    /// The last `limit` values of `metric` (or [`GPU_TIME`]) in a series, oldest first, optionally of one branch.
-    pub async fn points(
-        &self,
-        series_id: i64,
-        metric: &str,
-        branch: Option<&str>,
-        limit: u32,
-    ) -> Result<Vec<Point>, StoreError> {
-        let sql = if metric == GPU_TIME {
-            "SELECT reports.id, job_id, git_branch, git_commit, reports.created_at, gpu_time_ms AS value,
-                    NULL AS special, 0 AS version
-             FROM reports JOIN jobs ON jobs.id = job_id
-             WHERE series_id = ?1 AND ?2 = 'gpu_time_ms' AND gpu_time_ms IS NOT NULL AND (?3 IS NULL OR git_branch = ?3)
-             ORDER BY reports.id DESC LIMIT ?4"
-        } else {
-            "SELECT reports.id, job_id, git_branch, git_commit, reports.created_at, value, special, version
-             FROM reports JOIN jobs ON jobs.id = job_id
-             JOIN report_metrics ON report_id = reports.id
-                  AND metric_id = (SELECT id FROM metrics WHERE name = ?2)
-             WHERE series_id = ?1 AND (?3 IS NULL OR git_branch = ?3)
-             ORDER BY reports.id DESC LIMIT ?4"
-        };
-        let rows = sqlx::query(sql)
-            .bind(series_id)
-            .bind(metric)
-            .bind(branch)
-            .bind(limit)
+    /// Ids of every metric that any report has had.
+    pub async fn metric_names(&self) -> Result<Vec<String>, StoreError> {
+        Ok(sqlx::query_scalar("SELECT name FROM metrics ORDER BY name")
             .fetch_all(&self.readers)
-            .await?;
-        let mut points = rows
-            .iter()
-            .map(|row| {
-                Ok(Point {
-                    report_id: row.try_get("id")?,
-                    job_id: row.try_get("job_id")?,
-                    branch: row.try_get("git_branch")?,
-                    commit: row.try_get("git_commit")?,
-                    created_at: row.try_get("created_at")?,
-                    value: value::value(row.try_get("value")?, row.try_get("special")?),
-                    metric_version: row.try_get("version")?,
-                })
-            })
-            .collect::<Result<Vec<_>, sqlx::Error>>()?;
-        points.reverse();
-        Ok(points)
+            .await?)
     }
 }

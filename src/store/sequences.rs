@@ -2,6 +2,7 @@
 
 use super::{Store, StoreError, Timestamp};
 use crate::image::Extent;
+use schemars::JsonSchema;
 use serde::Serialize;
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
 
@@ -25,7 +26,7 @@ pub struct NewSequence {
 }
 
 /// A stored sequence.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Sequence {
     /// Row id; not shown outside.
     #[serde(skip)]
@@ -108,6 +109,20 @@ impl Store {
         )
         .bind(hash_or_name)
         .fetch_optional(&self.readers)
+        .await?;
+        Ok(found)
+    }
+
+    /// Sequences without manifests, newest content first.
+    pub async fn sequence_page(&self, before: Option<i64>, limit: u32) -> Result<Vec<Sequence>, StoreError> {
+        let found = sqlx::query_as(
+            "SELECT id, hash, name, 'null' AS manifest, render_width, render_height, output_width, output_height,
+                    n_frames, n_bytes, put_at
+             FROM sequences WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2",
+        )
+        .bind(before)
+        .bind(limit)
+        .fetch_all(&self.readers)
         .await?;
         Ok(found)
     }

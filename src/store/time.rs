@@ -1,5 +1,6 @@
 //! Points in time as the database keeps them.
 
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use std::{
     fmt,
@@ -58,6 +59,16 @@ impl fmt::Display for Timestamp {
             "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{:03}Z",
             ms % 1000
         )
+    }
+}
+
+impl JsonSchema for Timestamp {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Timestamp".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({"type": "string", "format": "date-time", "description": "RFC 3339, UTC."})
     }
 }
 

@@ -8,10 +8,11 @@ use super::{
     },
 };
 use crate::sequence::jitter::JitterSequence;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A published system.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Preset {
     /// Stored id; never changes.
     pub id: &'static str,
@@ -20,6 +21,7 @@ pub struct Preset {
     /// Where it was published.
     pub publication: &'static str,
     /// The jitter that it was tuned for, where nothing is upscaled.
+    #[schemars(with = "String")]
     pub jitter: JitterSequence,
     /// Its parameters.
     pub recipe: Recipe,

@@ -30,6 +30,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     };
     vec![
         embedded("style.css", CSS, include_bytes!("assets/style.css")),
+        embedded("api.js", JAVASCRIPT, include_bytes!("assets/api.js")),
         embedded("chart.js", JAVASCRIPT, include_bytes!("assets/chart.js")),
         embedded("job.js", JAVASCRIPT, include_bytes!("assets/job.js")),
         embedded("sequence.js", JAVASCRIPT, include_bytes!("assets/sequence.js")),

@@ -126,12 +126,12 @@ fn has_reference(sequence: &Sequence) -> bool {
 fn heading(job: &Job) -> Markup {
     let now = Timestamp::now();
     html! {
-        h1 { "Job " (job.id) @if let Some(label) = &job.label { span.muted { " · " (label) } } }
+        h1 { "Job " (job.id) @if let Some(label) = &job.provenance.label { span.muted { " · " (label) } } }
         ul.facts {
             li { (parts::status(job)) }
             li { span.key { "sequence " } a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
-            @if let Some(branch) = &job.branch { li { span.key { "branch " } (branch) } }
-            @if let Some(commit) = &job.commit { li { span.key { "commit " } (format::short_hash(commit)) } }
+            @if let Some(branch) = &job.provenance.branch { li { span.key { "branch " } (branch) } }
+            @if let Some(commit) = &job.provenance.commit { li { span.key { "commit " } (format::short_hash(commit)) } }
             li { span.key { "queued " } (format::age(job.created_at, now)) }
             @if let (Some(started), Some(finished)) = (job.started_at, job.finished_at) {
                 li { span.key { "took " } (format!("{:.1} s", finished.since(started).as_secs_f64())) }
@@ -415,7 +415,7 @@ impl Results {
                     } "." }
             }
             @if let Some(report) = self.reports.first() {
-                p.muted { "On " (report.series.adapter.name) " (" (report.series.adapter.driver) " " (report.series.adapter.driver_version)
+                p.muted { "On " (report.series.environment.adapter.name) " (" (report.series.environment.adapter.driver) " " (report.series.environment.adapter.driver_version)
                     "), build " (report.revision) "." }
             }
         }

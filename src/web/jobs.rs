@@ -39,6 +39,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<JobsQuery>) 
     let filter = JobFilter {
         status,
         sequence_hash: None,
+        project: None,
         before: query.before,
         limit: PAGE_SIZE,
     };

@@ -15,6 +15,8 @@ pub enum Section {
     Reports,
     Trends,
     Jobs,
+    Alerts,
+    Api,
 }
 
 /// A page before it has its frame.
@@ -63,6 +65,8 @@ impl Page<'_> {
                                 (Section::Reports, "/", "Reports"),
                                 (Section::Trends, "/trends", "Trends"),
                                 (Section::Jobs, "/jobs", "Jobs"),
+                                (Section::Alerts, "/alerts", "Alerts"),
+                                (Section::Api, "/api", "API"),
                             ] {
                                 a href=(href) aria-current=[(self.section == Some(section)).then_some("page")] { (name) }
                             }

@@ -1,6 +1,7 @@
 //! The dashboard. Pages are rendered here with their data in them, so that they can be read, searched and tested
 //! without scripts; the scripts only draw charts, follow a running job and turn over images. Everything is embedded.
 
+mod alerts;
 mod assets;
 mod format;
 mod job;
@@ -8,6 +9,8 @@ mod jobs;
 mod layout;
 mod overview;
 mod parts;
+mod reference;
+mod report;
 mod sequence;
 mod trends;
 
@@ -20,6 +23,9 @@ pub fn routes() -> Router<Arc<Service>> {
     Router::new()
         .route("/", get(overview::page))
         .route("/trends", get(trends::page))
+        .route("/alerts", get(alerts::page))
+        .route("/api", get(reference::page))
+        .route("/reports/{report}", get(report::page))
         .route("/jobs", get(jobs::page))
         .route("/jobs/{job}", get(job::page))
         .route("/sequences/{sequence}", get(sequence::page))

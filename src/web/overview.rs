@@ -17,7 +17,7 @@ use maud::{Markup, html};
 const COLUMNS: [&str; 2] = ["psnr", "ssim"];
 const MAX_ROWS: u32 = 200;
 /// Reports in a row's sparkline.
-const HISTORY: u32 = 24;
+const HISTORY: usize = 24;
 
 /// A row of the grid.
 pub struct Row {
@@ -28,17 +28,14 @@ pub struct Row {
 /// The latest report of every series, of one sequence or of all, with a little history.
 pub async fn latest(service: &Service, sequence_hash: Option<&str>) -> Result<Vec<Row>, PageError> {
     let filter = ReportFilter {
-        sequence_hash: sequence_hash.map(str::to_owned),
+        sequence: sequence_hash.map(str::to_owned),
         latest_only: true,
         limit: MAX_ROWS,
         ..ReportFilter::default()
     };
     let mut rows = Vec::new();
     for report in service.store.reports(&filter).await? {
-        let history = service
-            .store
-            .points(report.series.id, COLUMNS[0], None, HISTORY)
-            .await?;
+        let history = service.store.points(&report.series, COLUMNS[0], None, HISTORY).await?;
         rows.push(Row { report, history });
     }
     rows.sort_by(|a, b| {
@@ -71,6 +68,7 @@ pub async fn page(State(service): Shared) -> Result<Html<String>, PageError> {
     let filter = JobFilter {
         status: None,
         sequence_hash: None,
+        project: None,
         before: None,
         limit: 8,
     };
@@ -107,7 +105,10 @@ pub fn grid(rows: &[Row], now: Timestamp, with_titles: bool) -> Markup {
                 th { "Trend" }
                 th.wide { "Adapter" } th { "Commit" } th.number { "Age" }
             } }
-            @for block in rows.chunk_by(|a, b| a.report.series.sequence_hash == b.report.series.sequence_hash) {
+            @for block in rows.chunk_by(|a, b| {
+                let key = |row: &Row| (row.report.series.sequence_hash.clone(), row.report.series.sequence_name.clone());
+                key(a) == key(b)
+            }) {
                 (grid_block(block, now, with_titles))
             }
         } }
@@ -121,20 +122,20 @@ fn grid_block(block: &[Row], now: Timestamp, with_title: bool) -> Markup {
     html! {
         tbody.group {
             @if with_title {
-                tr { td.title colspan="8" { a href={ "/sequences/" (series.sequence_hash) } { (series.sequence_name) } } }
+                tr { td.title colspan="8" { (parts::sequence(series)) } }
             }
             @for row in block {
                 @let report = &row.report;
                 tr data-report=(report.id) {
-                    td { a href={ "/jobs/" (report.job_id) "?preset=" (report.preset_index) } { (parts::recipe(&report.series)) } }
+                    td { a href=(parts::report_href(report.id, report.job_id, report.preset_index)) { (parts::recipe(&report.series)) } }
                     @for (metric, best) in COLUMNS.iter().zip(best) {
                         @let value = report.values.get(*metric).copied();
                         td.number.best[best.is_some() && value.map(|value| value.0) == best] { (format::value(metric, value)) }
                     }
                     td.number { (format::value(GPU_TIME, report.gpu_time_ms.map(Value))) }
                     td { (parts::sparkline(COLUMNS[0], &row.history)) }
-                    td.wide { (report.series.adapter.name) }
-                    td { (parts::revision(report.branch.as_deref(), report.commit.as_deref())) }
+                    td.wide { (report.series.environment.adapter.name) }
+                    td { (parts::revision(&report.provenance)) }
                     td.number { (format::age(report.created_at, now)) }
                 }
             }

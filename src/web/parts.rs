@@ -3,7 +3,7 @@
 use super::format;
 use crate::{
     metrics::Value,
-    store::{Job, Point, Report, Sequence, Series, Status, Timestamp},
+    store::{Job, Point, Provenance, Report, Sequence, Series, Status, Timestamp},
     taa::Precision,
 };
 use maud::{Markup, html};
@@ -15,7 +15,7 @@ pub fn recipe(series: &Series) -> String {
     for (name, value) in &series.overrides {
         let _ = write!(text, ", {name} {}", value.to_string().trim_matches('"'));
     }
-    if series.history == Precision::F32 {
+    if series.history == Some(Precision::F32) {
         text.push_str(", f32");
     }
     text
@@ -35,7 +35,30 @@ pub fn status(job: &Job) -> Markup {
 }
 
 /// Branch and commit as far as the submitter gave them.
-pub fn revision(branch: Option<&str>, commit: Option<&str>) -> Markup {
+pub fn revision(provenance: &Provenance) -> Markup {
+    place(provenance.branch.as_deref(), provenance.commit.as_deref())
+}
+
+/// A sequence's name, and its page where its images are here.
+pub fn sequence(series: &Series) -> Markup {
+    html! {
+        @match &series.sequence_hash {
+            Some(hash) => a href={ "/sequences/" (hash) } { (series.sequence_name) },
+            None => (series.sequence_name),
+        }
+    }
+}
+
+/// Where a report can be looked at: in its job, else on its own.
+pub fn report_href(id: i64, job: Option<i64>, preset_index: i64) -> String {
+    match job {
+        Some(job) => format!("/jobs/{job}?preset={preset_index}"),
+        None => format!("/reports/{id}"),
+    }
+}
+
+/// A branch and a commit.
+pub fn place(branch: Option<&str>, commit: Option<&str>) -> Markup {
     html! {
         @if let Some(commit) = commit { (format::short_hash(commit)) }
         @if let Some(branch) = branch { " " span.muted { (branch) } }
@@ -59,8 +82,8 @@ pub fn job_table(jobs: &[Job], now: Timestamp) -> Markup {
                     } }
                     td { a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
                     td.wide.fill { (job.spec.run.presets.iter().map(|spec| spec.preset.as_str()).collect::<Vec<_>>().join(", ")) }
-                    td.wide { (job.label.as_deref().unwrap_or_default()) }
-                    td.wide { (revision(job.branch.as_deref(), job.commit.as_deref())) }
+                    td.wide { (job.provenance.label.as_deref().unwrap_or_default()) }
+                    td.wide { (revision(&job.provenance)) }
                     td.number { (format::age(job.created_at, now)) }
                 }
             } }

@@ -34,6 +34,7 @@ pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Res
     let filter = JobFilter {
         status: None,
         sequence_hash: Some(sequence.hash.clone()),
+        project: None,
         before: None,
         limit: 10,
     };

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// Points of one line; more would not be told apart on a screen.
-const MAX_POINTS: u32 = 500;
+const MAX_POINTS: usize = 500;
 
 /// The form's fields; empty means all.
 #[derive(Deserialize)]
@@ -78,16 +78,17 @@ pub async fn page(
     let given = |text: &str| (!text.is_empty()).then(|| text.to_owned());
     let all = service.store.series(&SeriesFilter::default()).await?;
     let filter = SeriesFilter {
-        sequence_hash: given(&query.sequence),
+        sequence: given(&query.sequence),
         preset: given(&query.preset),
         adapter: given(&query.adapter),
+        ..SeriesFilter::default()
     };
     let branch = given(&query.branch);
     let mut lines = Vec::new();
     for series in service.store.series(&filter).await? {
         let points = service
             .store
-            .points(series.id, &query.metric, branch.as_deref(), MAX_POINTS)
+            .points(&series, &query.metric, branch.as_deref(), MAX_POINTS)
             .await?;
         if !points.is_empty() {
             lines.push(Line { series, points });
@@ -129,19 +130,24 @@ fn meaning(metric: &str) -> String {
 }
 
 fn form(query: &TrendQuery, all: &[Series]) -> Markup {
-    let unique = |key: fn(&Series) -> (String, String)| all.iter().map(key).collect::<BTreeSet<_>>();
+    let unique = |key: &dyn Fn(&Series) -> (String, String)| all.iter().map(key).collect::<BTreeSet<_>>();
     let same = |text: &str| (text.to_owned(), text.to_owned());
     let mut metrics: Vec<_> = Metric::ALL.iter().map(|metric| same(metric.id())).collect();
     metrics.push((GPU_TIME.to_owned(), "GPU time".to_owned()));
-    let sequences = unique(|series| {
-        let short: String = series.sequence_hash.chars().take(6).collect();
+    let sequences = unique(&|series| match &series.sequence_hash {
+        Some(hash) => (
+            hash.clone(),
+            format!("{} ({})", series.sequence_name, hash.get(..6).unwrap_or(hash)),
+        ),
+        None => same(&series.sequence_name),
+    });
+    let presets = unique(&|series| (series.preset.clone(), series.preset.clone()));
+    let adapters = unique(&|series| {
         (
-            series.sequence_hash.clone(),
-            format!("{} ({short})", series.sequence_name),
+            series.environment.adapter.name.clone(),
+            series.environment.adapter.name.clone(),
         )
     });
-    let presets = unique(|series| (series.preset.clone(), series.preset.clone()));
-    let adapters = unique(|series| (series.adapter.name.clone(), series.adapter.name.clone()));
     html! {
         form.filters {
             (select("Metric", "metric", metrics, &query.metric, None))
@@ -169,6 +175,11 @@ fn select(
     }
 }
 
+/// What was measured, as filters name it.
+fn subject(series: &Series) -> String {
+    series.sequence_hash.as_ref().unwrap_or(&series.sequence_name).clone()
+}
+
 fn chart<'a>(metric: &'a str, lines: &'a [Line]) -> Chart<'a> {
     let distinct = |key: fn(&Line) -> String| {
         lines
@@ -179,15 +190,15 @@ fn chart<'a>(metric: &'a str, lines: &'a [Line]) -> Chart<'a> {
             .collect::<Vec<_>>()
     };
     let recipes = distinct(|line| parts::recipe(&line.series));
-    let sequences = distinct(|line| line.series.sequence_hash.clone());
-    let adapters = distinct(|line| line.series.adapter.name.clone());
+    let sequences = distinct(|line| subject(&line.series));
+    let adapters = distinct(|line| line.series.environment.adapter.name.clone());
     let place = |all: &[String], one: &str| all.iter().position(|name| name == one).unwrap_or_default();
     let line = |line: &'a Line| {
         let series = &line.series;
         let recipe = parts::recipe(series);
-        let (color, dash) = (place(&recipes, &recipe), place(&sequences, &series.sequence_hash));
+        let (color, dash) = (place(&recipes, &recipe), place(&sequences, &subject(series)));
         let sequence = (sequences.len() > 1).then_some(series.sequence_name.as_str());
-        let adapter = (adapters.len() > 1).then_some(series.adapter.name.as_str());
+        let adapter = (adapters.len() > 1).then_some(series.environment.adapter.name.as_str());
         let name = [sequence, Some(&recipe), adapter]
             .into_iter()
             .flatten()
@@ -225,13 +236,13 @@ fn table(metric: &str, lines: &[Line]) -> Markup {
             tbody { @for line in lines {
                 @if let Some(latest) = line.points.last() {
                     tr {
-                        td { a href={ "/sequences/" (line.series.sequence_hash) } { (line.series.sequence_name) } }
+                        td { (parts::sequence(&line.series)) }
                         td { (parts::recipe(&line.series)) }
-                        td.wide { (line.series.adapter.name) }
-                        td.number { a href={ "/jobs/" (latest.job_id) } { (format::value(metric, Some(latest.value))) } }
+                        td.wide { (line.series.environment.adapter.name) }
+                        td.number { a href=(parts::report_href(latest.report_id, latest.job_id, 0)) { (format::value(metric, Some(latest.value))) } }
                         td.number { (change(metric, &line.points)) }
                         td.number { (line.points.len()) }
-                        td { (parts::revision(latest.branch.as_deref(), latest.commit.as_deref())) }
+                        td { (parts::place(latest.branch.as_deref(), latest.commit.as_deref())) }
                         td.number { (format::age(latest.created_at, now)) }
                     }
                 }

@@ -302,7 +302,10 @@ fn every_mistake_has_its_code_and_names_its_field() {
     job(json!({"seqence": "pan"})).is_problem(422, "unknown_field", Some("seqence"), "seqence");
     client
         .post_job(&json!({"sequence": "pan"}))
-        .is_problem(422, "missing_field", None, "presets");
+        .is_problem(422, "invalid_field", Some("presets"), "1 to");
+    client
+        .post_job(&json!({"presets": ["ema"]}))
+        .is_problem(422, "missing_field", None, "sequence");
     client.post_text("{").is_problem(400, "bad_json", None, "line 1");
     client
         .post_text("{} {}")
@@ -410,6 +413,39 @@ fn a_running_job_can_be_cancelled_and_a_stopped_service_gives_it_back() {
     let service = TestService::start_in(data, Scripted(endless), &[]);
     let job = service.client().wait_for(left, &["running"]);
     assert_eq!(job["attempts"], 1, "handing back costs no attempt");
+}
+
+#[test]
+fn a_full_queue_says_when_to_come_back() {
+    let service = TestService::start(Scripted(endless), &["--max-queued-jobs", "1"]);
+    let client = service.client();
+    assert_eq!(client.put("pan", &packed("pan")).status, 201);
+    let job = json!({"sequence": "pan", "presets": ["ema"]});
+    let running = client.start_job(&job);
+    client.wait_for(running, &["running"]);
+    client.start_job(&job);
+    let refused = client.post_job(&job);
+    refused.is_problem(503, "busy", None, "--max-queued-jobs");
+    assert_eq!(refused.header("retry-after"), "30");
+}
+
+#[test]
+fn a_client_that_heard_an_event_is_not_told_it_again() {
+    let service = TestService::start(Scripted(never), &[]);
+    let client = service.client();
+    assert_eq!(client.put("pan", &packed("pan")).status, 201);
+    let id = client.start_job(&json!({"sequence": "pan", "presets": ["ema"]}));
+    client.wait_for(id, &["failed"]);
+    let path = format!("/jobs/{id}/events");
+    let first = client.get(&path);
+    let last_id = first.text().lines().rev().find_map(|line| line.strip_prefix("id: "));
+    let last_id = last_id.unwrap().to_owned();
+    assert_eq!(
+        client.send("GET", &path, &[("last-event-id", &last_id)], &[]).status,
+        204
+    );
+    let other = client.send("GET", &path, &[("last-event-id", "progress-0-0-0")], &[]);
+    assert!(other.text().contains("event: failed"), "{}", other.text());
 }
 
 /// The program itself, serving `data`.

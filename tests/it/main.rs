@@ -1,10 +1,13 @@
 //! The one integration-test binary (each binary links wgpu): a module a subject.
 #![allow(clippy::unwrap_used, reason = "helpers outside #[test] functions fail as tests do")]
 
+mod access;
 mod api;
 mod bad_input;
 mod bake;
+mod blobs;
 mod checkerboard;
+mod ci;
 mod cli;
 mod documentation;
 mod golden;
@@ -13,6 +16,8 @@ mod gpu_vs_reference;
 mod images;
 mod masks;
 mod negative_controls;
+mod openapi;
+mod posting;
 mod properties;
 mod run;
 mod sequence;
@@ -25,4 +30,5 @@ mod temporal;
 mod tidy;
 mod upsampling;
 mod validation;
+mod verdicts;
 mod web;

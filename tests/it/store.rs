@@ -8,8 +8,9 @@ use afterimage::{
         report::{AdapterInfo, FrameReport, PresetReport, Report, SequenceInfo, TimeSummary},
     },
     store::{
-        Cancelled, Claim, Failure, FailureKind, GPU_TIME, Images, JobFilter, JobSpec, MAX_ATTEMPTS, NewJob,
-        NewSequence, ReportFilter, SeriesFilter, Status, Store, StoreError, Timestamp,
+        Cancelled, Claim, DEFAULT_PROJECT, Departure, Environment, Failure, FailureKind, GPU_TIME, Images, JobFilter,
+        JobSpec, MAX_ATTEMPTS, NewJob, NewReport, NewSequence, Provenance, ReportFilter, SeriesFilter, Status, Store,
+        StoreError, Subject, System, SystemKind, Timestamp, condense,
     },
     taa::Precision,
 };
@@ -66,10 +67,14 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
                 validate: Validate::No,
             },
             images: Images::Half,
+            outputs: None,
         },
-        git_branch: Some("main".to_owned()),
-        git_commit: Some("0123abcd".to_owned()),
-        label: None,
+        project: DEFAULT_PROJECT.to_owned(),
+        provenance: Provenance {
+            branch: Some("main".to_owned()),
+            commit: Some("0123abcd".to_owned()),
+            ..Provenance::default()
+        },
     }
 }
 
@@ -131,6 +136,18 @@ fn adapter(driver_version: &str) -> AdapterInfo {
     }
 }
 
+fn environment() -> Environment {
+    in_environment(adapter("1.0"))
+}
+
+fn in_environment(adapter: AdapterInfo) -> Environment {
+    Environment {
+        adapter,
+        os: "debian 12".to_owned(),
+        clocks: String::new(),
+    }
+}
+
 async fn claimed(store: &Store, sequence_id: i64, presets: &[&str]) -> Claim {
     store.enqueue(&job(sequence_id, presets), T0).await.unwrap();
     store.claim(LEASE, T0).await.unwrap().unwrap()
@@ -188,13 +205,16 @@ async fn a_lease_protects_a_job_until_it_runs_out() {
     assert_eq!((second.job_id, second.attempt), (first.job_id, 2));
     let lost = |result: Result<(), StoreError>| assert!(matches!(result, Err(StoreError::ClaimLost(_))), "{result:?}");
     let results = report(&["ema"], &[30.0]);
-    lost(store.finish(&first, &results, T0).await.map(drop));
+    lost(store.finish(&first, &results, &environment(), T0).await.map(drop));
     lost(store.heartbeat(&first, 1, 3, after(90)).await.map(drop));
     lost(store.hand_back(&first).await);
     lost(store.finish_cancelled(&first, T0).await);
     assert_eq!(status(&store, first.job_id).await, Status::Running);
-    assert_eq!(store.finish(&second, &results, T0).await.unwrap().len(), 1);
-    lost(store.finish(&second, &results, T0).await.map(drop));
+    assert_eq!(
+        store.finish(&second, &results, &environment(), T0).await.unwrap().len(),
+        1
+    );
+    lost(store.finish(&second, &results, &environment(), T0).await.map(drop));
 }
 
 #[tokio::test]
@@ -240,10 +260,10 @@ async fn only_device_failures_are_tried_again() {
 async fn a_report_is_visible_whole_or_not_at_all() {
     let (folder, store, sequence_id) = store().await;
     let claim = claimed(&store, sequence_id, &["ema", "inside"]).await;
-    // The second preset repeats a frame, which its table refuses after everything else was written.
+    // The second preset repeats a frame, which is refused after everything before it was written.
     let mut broken = report(&["ema", "inside"], &[30.0, 31.0]);
     broken.reports[1].frames.push(frame(0, 1.0));
-    assert!(store.finish(&claim, &broken, T0).await.is_err());
+    assert!(store.finish(&claim, &broken, &environment(), T0).await.is_err());
     assert_eq!(status(&store, claim.job_id).await, Status::Running);
     let all = ReportFilter {
         limit: 100,
@@ -268,7 +288,7 @@ async fn a_report_is_visible_whole_or_not_at_all() {
         }
     });
     let whole = report(&["ema", "inside"], &vec![30.0; 200]);
-    let ids = store.finish(&claim, &whole, T0).await.unwrap();
+    let ids = store.finish(&claim, &whole, &environment(), T0).await.unwrap();
     assert_eq!(watcher.await.unwrap(), 2);
     assert_eq!(ids.len(), 2);
     assert_eq!(status(&store, claim.job_id).await, Status::Done);
@@ -280,7 +300,7 @@ async fn every_number_comes_back_as_it_was() {
     let claim = claimed(&store, sequence_id, &["ema"]).await;
     let psnr = [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 24.980_085_622_375_846, 0.0];
     let written = report(&["ema"], &psnr);
-    let ids = store.finish(&claim, &written, after(5)).await.unwrap();
+    let ids = store.finish(&claim, &written, &environment(), after(5)).await.unwrap();
     let frames = store.frames(ids[0]).await.unwrap();
     for (read, written) in frames.iter().zip(&written.reports[0].frames) {
         assert_eq!(read.metrics["psnr"].0.to_bits(), written.metrics["psnr"].0.to_bits());
@@ -304,7 +324,7 @@ async fn every_number_comes_back_as_it_was() {
     }
     assert_eq!(frames.len(), psnr.len());
     let read = store.report(ids[0]).await.unwrap().unwrap();
-    assert_eq!(read.series.adapter, written.adapter);
+    assert_eq!(read.series.environment.adapter, written.adapter);
     assert_eq!(read.series.parameters, written.reports[0].parameters);
     assert_eq!(read.notes, written.reports[0].notes);
     assert_eq!(read.times_ms, written.reports[0].times_ms);
@@ -312,14 +332,14 @@ async fn every_number_comes_back_as_it_was() {
     let finite = [24.980_085_622_375_846, 31.5, f64::INFINITY];
     let claim = claimed(&store, sequence_id, &["ema"]).await;
     let written = report(&["ema"], &finite);
-    let ids = store.finish(&claim, &written, after(5)).await.unwrap();
+    let ids = store.finish(&claim, &written, &environment(), after(5)).await.unwrap();
     let read = store.report(ids[0]).await.unwrap().unwrap();
     assert_eq!(read.summary, written.reports[0].summary);
     assert_eq!(read.values["psnr"], written.reports[0].summary["psnr"].mean);
     assert_eq!(read.gpu_time_ms, Some(0.75), "the sum of the passes");
     assert_eq!(read.created_at, after(5));
     assert_eq!(
-        (read.branch.as_deref(), read.commit.as_deref()),
+        (read.provenance.branch.as_deref(), read.provenance.commit.as_deref()),
         (Some("main"), Some("0123abcd"))
     );
 }
@@ -330,12 +350,18 @@ async fn a_series_holds_what_is_comparable_in_order() {
     for (i, psnr) in [30.0, f64::INFINITY, 32.0].into_iter().enumerate() {
         let claim = claimed(&store, sequence_id, &["ema", "inside"]).await;
         let report = report(&["ema", "inside"], &[psnr]);
-        store.finish(&claim, &report, after(i as u64)).await.unwrap();
+        store
+            .finish(&claim, &report, &environment(), after(i as u64))
+            .await
+            .unwrap();
     }
     let claim = claimed(&store, sequence_id, &["ema"]).await;
     let mut other_driver = report(&["ema"], &[99.0]);
     other_driver.adapter = adapter("2.0");
-    store.finish(&claim, &other_driver, after(9)).await.unwrap();
+    store
+        .finish(&claim, &other_driver, &in_environment(adapter("2.0")), after(9))
+        .await
+        .unwrap();
 
     let ema = SeriesFilter {
         preset: Some("ema".to_owned()),
@@ -343,23 +369,23 @@ async fn a_series_holds_what_is_comparable_in_order() {
     };
     let series = store.series(&ema).await.unwrap();
     assert_eq!(series.len(), 2, "another driver is another series");
-    let points = store.points(series[0].id, "psnr", None, 100).await.unwrap();
+    let points = store.points(&series[0], "psnr", None, 100).await.unwrap();
     assert_eq!(
         points.iter().map(|point| point.value.0).collect::<Vec<_>>(),
         [30.0, f64::INFINITY, 32.0]
     );
     assert!(points.is_sorted_by_key(|point| point.created_at));
-    let last = store.points(series[0].id, "psnr", Some("main"), 1).await.unwrap();
+    let last = store.points(&series[0], "psnr", Some("main"), 1).await.unwrap();
     assert_eq!(last[0].value.0, 32.0, "the limit keeps the newest");
     assert!(
         store
-            .points(series[0].id, "psnr", Some("other"), 100)
+            .points(&series[0], "psnr", Some("other"), 100)
             .await
             .unwrap()
             .is_empty()
     );
-    assert!(store.points(series[0].id, "ssim", None, 100).await.unwrap().is_empty());
-    let times = store.points(series[0].id, GPU_TIME, None, 100).await.unwrap();
+    assert!(store.points(&series[0], "ssim", None, 100).await.unwrap().is_empty());
+    let times = store.points(&series[0], GPU_TIME, None, 100).await.unwrap();
     assert_eq!(times.iter().map(|point| point.value.0).collect::<Vec<_>>(), [0.75; 3]);
 
     let latest = ReportFilter {
@@ -409,6 +435,7 @@ async fn jobs_are_listed_a_page_at_a_time() {
         let filter = JobFilter {
             status,
             sequence_hash: None,
+            project: None,
             before,
             limit: 2,
         };
@@ -444,4 +471,122 @@ async fn what_is_no_database_is_named() {
     .unwrap();
     let error = Store::open(&path).await.err().unwrap().to_string();
     assert!(error.contains("test.sqlite"), "{error}");
+}
+
+/// A report of a system elsewhere.
+fn external(branch: &str, commit: &str, psnr: &[f64]) -> NewReport {
+    let frames: Vec<FrameReport> = psnr.iter().enumerate().map(|(i, &x)| frame(i, x)).collect();
+    let (metrics, times_ms) = condense(&frames, &BTreeMap::new());
+    NewReport {
+        job: None,
+        project: DEFAULT_PROJECT.to_owned(),
+        subject: Subject::Named("bistro".to_owned()),
+        system: System {
+            kind: SystemKind::External,
+            name: "engine".to_owned(),
+            history: None,
+            parameters: serde_json::json!({}),
+            overrides: serde_json::json!({}),
+        },
+        environment: environment(),
+        provenance: Provenance {
+            branch: Some(branch.to_owned()),
+            from: (branch != "main").then(|| Departure {
+                branch: "main".to_owned(),
+                commit: Some("c3".to_owned()),
+            }),
+            commit: Some(commit.to_owned()),
+            ..Provenance::default()
+        },
+        revision: String::new(),
+        notes: Vec::new(),
+        stages_ms: BTreeMap::new(),
+        metrics,
+        times_ms,
+        frames,
+        validation: None,
+        complete: true,
+    }
+}
+
+async fn values(store: &Store, branch: Option<&str>, limit: usize) -> Vec<f64> {
+    let series = store.series(&SeriesFilter::default()).await.unwrap();
+    let points = store.points(&series[0], "psnr", branch, limit).await.unwrap();
+    points.iter().map(|point| point.value.0).collect()
+}
+
+#[tokio::test]
+async fn a_branch_has_its_parents_past_and_not_its_present() {
+    let (_folder, store, _) = store().await;
+    for i in 1..=5 {
+        let report = external("main", &format!("c{i}"), &[0.0, f64::from(i)]);
+        store.ingest().report(report).await.unwrap();
+    }
+    for i in [30, 31] {
+        store
+            .ingest()
+            .report(external("topic", "t", &[0.0, f64::from(i)]))
+            .await
+            .unwrap();
+    }
+    store
+        .ingest()
+        .report(external("main", "c6", &[0.0, 6.0]))
+        .await
+        .unwrap();
+    assert_eq!(values(&store, Some("topic"), 100).await, [1.0, 2.0, 3.0, 30.0, 31.0]);
+    assert_eq!(values(&store, Some("main"), 3).await, [4.0, 5.0, 6.0]);
+    assert_eq!(values(&store, None, 4).await, [5.0, 30.0, 31.0, 6.0]);
+    assert_eq!(values(&store, Some("nowhere"), 100).await, [0.0; 0]);
+}
+
+#[tokio::test]
+async fn long_lines_are_whole_whoever_wrote_them() {
+    let (folder, store, _) = store().await;
+    let n = 700;
+    let post = |i: u32| store.ingest().report(external("main", "c", &[0.0, f64::from(i)]));
+    let first = store
+        .ingest()
+        .report(NewReport {
+            complete: false,
+            ..external("main", "open", &[])
+        })
+        .await
+        .unwrap();
+    futures_util::future::try_join_all((0..n).map(post)).await.unwrap();
+    let all = values(&store, Some("main"), 10_000).await;
+    assert_eq!(all, (0..n).map(f64::from).collect::<Vec<_>>());
+    // A report whose frames came one by one belongs where it was begun, although a block is there already.
+    for (i, x) in [(0, 7.0), (1, -1.0)] {
+        store.ingest().frames(first, vec![frame(i, x)]).await.unwrap();
+    }
+    assert!(!store.report(first).await.unwrap().unwrap().complete);
+    store.ingest().close(first, BTreeMap::new()).await.unwrap();
+    assert!(matches!(
+        store.ingest().frames(first, vec![frame(2, 1.0)]).await,
+        Err(StoreError::Closed(_))
+    ));
+    assert!(matches!(
+        store.ingest().close(99_999, BTreeMap::new()).await,
+        Err(StoreError::NoReport(_))
+    ));
+    drop(store);
+    // Another process counts on from what is there.
+    let store = Store::open(&database(folder.path())).await.unwrap();
+    for i in n..n + 100 {
+        store
+            .ingest()
+            .report(external("main", "c", &[0.0, f64::from(i)]))
+            .await
+            .unwrap();
+    }
+    let all = values(&store, Some("main"), 10_000).await;
+    assert_eq!(
+        all,
+        [-1.0]
+            .into_iter()
+            .chain((0..n + 100).map(f64::from))
+            .collect::<Vec<_>>()
+    );
+    assert_eq!(store.frames(first).await.unwrap().len(), 2);
 }

@@ -43,7 +43,15 @@ fn each_module_knows_only_what_it_may() {
         ("crate::server", &["server/", "web/", "worker.rs"]),
         (
             "crate::run",
-            &["run/", "store/", "server/", "web/", "worker.rs", "gpu/adapter.rs"],
+            &[
+                "run/",
+                "store/",
+                "server/",
+                "web/",
+                "worker.rs",
+                "gpu/adapter.rs",
+                "verdict/",
+            ],
         ),
         (
             "crate::taa",

@@ -3,12 +3,13 @@
 
 use super::Recipe;
 use crate::taa::preset::BASE;
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 use std::{fmt, sync::LazyLock};
 
 /// A parameter of a recipe.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Parameter {
     /// As jobs write it, and as shaders do.
     pub name: String,
@@ -24,7 +25,7 @@ pub struct Parameter {
 }
 
 /// What values a parameter takes.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum Kind {
     /// `true` or `false`.
@@ -41,7 +42,7 @@ pub enum Kind {
 }
 
 /// A name that a parameter can have.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Choice {
     /// As jobs write it.
     pub name: String,
@@ -50,7 +51,7 @@ pub struct Choice {
 }
 
 /// What numbers are allowed.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Range {
     /// The smallest, or what all must be above.
     pub min: f64,

@@ -5,11 +5,12 @@ use crate::taa::{
     recipe::{Algorithm, HdrWeight, InputFilter, Rectify, Weight},
     reference::Plane,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How far two images may be apart, in shares of a display's range: values without a limit count as `x / (1 + |x|)`,
 /// variances by their roots, numbers of samples by the share of each.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Bounds {
     /// Of a pixel, its worst channel.
     pub max: f64,
@@ -60,7 +61,7 @@ impl Bounds {
 }
 
 /// Two images, or all that a pass writes.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Agreement {
     /// Everything is finite, and within the bounds where there are any.
     pub agrees: bool,
@@ -84,7 +85,7 @@ pub struct Agreement {
 }
 
 /// A pixel of an image that a pass writes.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Worst {
     /// The image's name in the pass's shader.
     pub image: String,

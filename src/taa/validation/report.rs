@@ -1,10 +1,11 @@
 //! What a validation found: every frame, and over all of them.
 
 use super::{Agreement, Bounds, Worst};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A recipe over a sequence, on the adapter and on its twin.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Validation {
     /// Every pass of every frame agrees, and every frame shown.
     pub agrees: bool,
@@ -25,7 +26,7 @@ pub struct Validation {
 }
 
 /// One frame on both sides.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FrameAgreement {
     /// Position in the sequence, from 0.
     pub index: usize,
@@ -45,7 +46,7 @@ impl FrameAgreement {
 }
 
 /// What one pass wrote.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PassAgreement {
     /// Its name.
     pub pass: String,
@@ -55,7 +56,7 @@ pub struct PassAgreement {
 }
 
 /// Over all frames.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Overview {
     /// The pass; `shown` of frames.
     pub name: String,
@@ -114,7 +115,7 @@ impl Overview {
 }
 
 /// Each pass in turn computed by its twin, and the rest on the GPU.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Bisection {
     /// The first pass that disagrees with its twin, in the first frame in which any does; none where every pass does its
     /// part and only their errors add up.

@@ -3,6 +3,7 @@
 use afterimage::{
     config::Config,
     image::files::{Backend, FileReader, Limits},
+    run::{Observer, RunError, RunSpec, report::Report},
     sequence::Sequence,
     server::{Running, ServeError},
     worker::{GpuRunner, Runner},
@@ -160,6 +161,28 @@ impl Client {
         self.send("GET", path, &[], &[])
     }
 
+    /// Posts JSON with a path, and with headers beside its own.
+    pub fn post_with(&self, path: &str, body: &Value, headers: &[(&str, &str)]) -> Answer {
+        let all: Vec<_> = [("content-type", "application/json")]
+            .iter()
+            .chain(headers)
+            .copied()
+            .collect();
+        self.send("POST", path, &all, body.to_string().as_bytes())
+    }
+
+    pub fn post(&self, path: &str, body: &Value) -> Answer {
+        self.post_with(path, body, &[])
+    }
+
+    /// Posts what must be taken; the answer.
+    #[track_caller]
+    pub fn posted(&self, path: &str, body: &Value) -> Value {
+        let answer = self.post(path, body);
+        assert!((200..300).contains(&answer.status), "{}", answer.text());
+        answer.json()
+    }
+
     pub fn post_job(&self, job: &Value) -> Answer {
         self.post_text(&job.to_string())
     }
@@ -200,6 +223,15 @@ impl Client {
             );
             thread::sleep(Duration::from_millis(20));
         }
+    }
+}
+
+/// A worker that no job of a test should reach.
+pub struct Idle;
+
+impl Runner for Idle {
+    fn run(&mut self, _: &Path, _: &RunSpec, _: &dyn Observer) -> Result<Report, RunError> {
+        Err(RunError::Input("no job of this test should run".to_owned()))
     }
 }
 

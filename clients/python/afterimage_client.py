@@ -1,0 +1,1626 @@
+"""Client of the Afterimage service. Made of its OpenAPI document by script/make_python_client; do not edit.
+
+    from afterimage_client import Client
+    client = Client("http://127.0.0.1:8080", token="aft_…")
+    client.create_report({"sequence": "bistro", "system": "engine", "values": {"psnr": 38.2}})
+
+Every method is an endpoint. What is refused raises `Problem`. Busy services and broken connections are tried again; a
+POST has an idempotency key, so that it is done once however often it is sent.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+import uuid
+from typing import Any, Dict, Iterator, List, Literal, Optional, TypedDict, Union
+
+try:
+    from typing import NotRequired
+except ImportError:  # Python 3.10 and older
+    from typing_extensions import NotRequired  # type: ignore
+
+
+class AdapterInfo(TypedDict):
+    """The adapter a report was made on. Times compare only between equal ones."""
+
+    #: `Vulkan`, …
+    backend: str
+    #: Driver's name.
+    driver: str
+    #: Driver's version.
+    driver_version: str
+    #: `Cpu`, `DiscreteGpu`, …
+    kind: str
+    #: Name as the driver gives it.
+    name: str
+
+class AdapterRequest(TypedDict):
+    """An adapter's fingerprint."""
+
+    #: `Vulkan`, `D3D12`, …
+    backend: NotRequired[str]
+    #: Driver's name.
+    driver: NotRequired[str]
+    #: Driver's version.
+    driver_version: NotRequired[str]
+    #: `DiscreteGpu`, …
+    kind: NotRequired[str]
+    #: Name as the driver gives it.
+    name: NotRequired[str]
+
+class Agreement(TypedDict):
+    """Two images, or all that a pass writes."""
+
+    #: Everything is finite, and within the bounds where there are any.
+    agrees: bool
+    #: The largest distance of a pixel that is finite on both sides.
+    max: float
+    #: On average over the pixels that are not beyond; of a pass that writes several images, the largest of them.
+    mean: float
+    #: Pixels beyond the largest distance allowed.
+    n_beyond: int
+    #: Pixels beyond it that count neither there nor in the mean, because 32-bit arithmetic does not determine them: the twin in f32 is itself far from the twin in f64.
+    n_undetermined: int
+    #: Pixels that are not finite on the GPU.
+    non_finite_gpu: int
+    #: Pixels that are not finite in the twin.
+    non_finite_twin: int
+    #: Of all pixels.
+    share_beyond: float
+    #: The pixel that is farthest off, or the first that is not finite; none where all are equal.
+    worst: Union["Worst", None]
+
+class Alert(TypedDict):
+    """A fault that was found."""
+
+    #: Branch that was judged; empty for none.
+    branch: str
+    #: When it was closed.
+    closed_at: Union["Timestamp", None]
+    #: Who closed it.
+    closed_by: Union[str, None]
+    #: Why it is closed.
+    closed_why: Union[str, None]
+    #: In words.
+    detail: str
+    #: In numbers.
+    finding: "Finding"
+    #: Number, rising with time.
+    id: int
+    #: Its job, if it came from one.
+    job_id: Union[int, None]
+    #: What kind of check failed.
+    kind: "Kind"
+    #: The metric's id; empty where no data came at all.
+    metric: str
+    #: When it was found.
+    opened_at: "Timestamp"
+    #: Its place in the job.
+    preset_index: Union[int, None]
+    #: Project.
+    project: str
+    #: The first bad report, or the last one before silence.
+    report_id: Union[int, None]
+    #: The line.
+    series: "Series"
+    #: Where it stands.
+    status: "AlertStatus"
+    #: When it was last found again.
+    updated_at: "Timestamp"
+
+class AlertPage(TypedDict):
+    """A page of alerts."""
+
+    #: Newest first.
+    alerts: List["Alert"]
+    #: Where the next page begins; none after the last.
+    next_cursor: Union["Cursor", None]
+
+class BencherMetric(TypedDict):
+    """One measure of a benchmark."""
+
+    #: Lower end of its spread.
+    lower_value: NotRequired[Union[float, None]]
+    #: Upper end of its spread.
+    upper_value: NotRequired[Union[float, None]]
+    #: The value.
+    value: float
+
+#: Each pass in turn computed by its twin, and the rest on the GPU.
+Bisection = TypedDict('Bisection', {'frame': Union[int, None], 'pass': Union[str, None], 'swaps': List["Overview"]})
+
+class Blob(TypedDict):
+    """A stored blob."""
+
+    #: Its size.
+    n_bytes: int
+    #: SHA-256 of its content.
+    sha256: str
+
+class Bounds(TypedDict):
+    """How far two images may be apart, in shares of a display's range: values without a limit count as `x / (1 + |x|)`, variances by their roots, numbers of samples by the share of each."""
+
+    #: Of a pixel, its worst channel.
+    max: float
+    #: On average over the pixels within `max`.
+    mean: float
+    #: The share of pixels that may be beyond `max`: those where a decision fell differently (a tie, the edge of a box, a model's reset), which no bound on rounding covers.
+    share_beyond: float
+
+class Branch(TypedDict):
+    """A branch."""
+
+    #: When its first report came.
+    created_at: "Timestamp"
+    #: The last commit they share.
+    departed_commit: Union[str, None]
+    #: Name.
+    name: str
+    #: The branch that it left.
+    parent: Union[str, None]
+
+class BranchList(TypedDict):
+    """Branches of a project."""
+
+    #: By name.
+    branches: List["Branch"]
+
+class ChangeRule(TypedDict):
+    """Change-point detection: what counts as a change."""
+
+    #: Smaller steps are not worth anyone's time.
+    min_effect: "Tolerance"
+    #: How many results there must be on either side of a change.
+    min_segment: int
+    #: The largest probability that chance made the change, by permutation.
+    p: float
+    #: Look at the newest so many results.
+    window: int
+
+class ChangeRuleInput(TypedDict):
+    """Change-point detection: what counts as a change."""
+
+    #: Smaller steps are not worth anyone's time.
+    min_effect: NotRequired["Tolerance"]
+    #: How many results there must be on either side of a change.
+    min_segment: NotRequired[int]
+    #: The largest probability that chance made the change, by permutation.
+    p: NotRequired[float]
+    #: Look at the newest so many results.
+    window: NotRequired[int]
+
+class Check(TypedDict):
+    """A check and its outcome."""
+
+    #: In words.
+    detail: str
+    #: In numbers.
+    finding: "Finding"
+    #: What kind of check.
+    kind: "Kind"
+    #: The metric's id.
+    metric: str
+    #: What became of it.
+    outcome: "Outcome"
+    #: Its preset or system.
+    recipe: str
+    #: Name of its sequence.
+    sequence: str
+    #: The line; none where nothing is stored.
+    series_id: Union[int, None]
+
+class Choice(TypedDict):
+    """A name that a parameter can have."""
+
+    #: What it means.
+    description: str
+    #: As jobs write it.
+    name: str
+
+class CloseRequest(TypedDict):
+    """The body of `POST /reports/{report}/close`."""
+
+    #: Version of metrics that are not known here.
+    metric_versions: NotRequired[Dict[str, int]]
+    #: Judge the report by these, and keep them as the branch's.
+    rules: NotRequired[Union["RulesInput", None]]
+
+class Decision(TypedDict):
+    """A decision about a report."""
+
+    #: When.
+    decided_at: "Timestamp"
+    #: What was decided.
+    decision: "Verdict"
+    #: Number, rising with time.
+    id: int
+    #: The report.
+    report_id: int
+    #: Its series.
+    series_id: int
+    #: By whom.
+    who: str
+    #: Why.
+    why: str
+
+class DecisionPage(TypedDict):
+    """A page of decisions."""
+
+    #: Newest first; the newest about a report counts.
+    decisions: List["Decision"]
+    #: Where the next page begins; none after the last.
+    next_cursor: Union["Cursor", None]
+
+class DecisionRequest(TypedDict):
+    """The body of `POST /reports/{report}/decisions`."""
+
+    #: Whether the result belongs to its line's baseline.
+    decision: "Verdict"
+    #: Who says so, where no token says it.
+    who: NotRequired[Union[str, None]]
+    #: Why.
+    why: str
+
+class DeliveryList(TypedDict):
+    """The last deliveries of a webhook."""
+
+    #: Newest first, at most 100.
+    deliveries: List["DeliveryStatus"]
+
+class DeliveryStatus(TypedDict):
+    """A delivery as the API shows it."""
+
+    #: Attempts so far.
+    attempts: int
+    #: When it was queued.
+    created_at: "Timestamp"
+    #: Name of the event.
+    event: str
+    #: Number.
+    id: int
+    #: What went wrong last.
+    last_error: Union[str, None]
+    #: `waiting`, `delivered` or `given_up`.
+    status: str
+
+class Departure(TypedDict):
+    """Where a branch left another."""
+
+    #: The branch that it left.
+    branch: str
+    #: The last commit they share; the newest known one where it is left out.
+    commit: Union[str, None]
+
+class DepartureInput(TypedDict):
+    """Where a branch left another."""
+
+    #: The branch that it left.
+    branch: str
+    #: The last commit they share; the newest known one where it is left out.
+    commit: NotRequired[Union[str, None]]
+
+class Environment(TypedDict):
+    """What machine measured. Numbers compare only between equal environments."""
+
+    #: Adapter and driver.
+    adapter: "AdapterInfo"
+    #: How clocks are held, such as `locked 1410 MHz`; empty where they are not.
+    clocks: str
+    #: Operating system and its version, such as `debian 12`; empty where unknown.
+    os: str
+
+class EnvironmentList(TypedDict):
+    """Every environment."""
+
+    #: By number.
+    environments: List["EnvironmentListing"]
+
+class EnvironmentListing(TypedDict):
+    """An environment that reports were made in."""
+
+    #: Adapter and driver.
+    adapter: "AdapterInfo"
+    #: How clocks are held, such as `locked 1410 MHz`; empty where they are not.
+    clocks: str
+    #: Its number, as series carry it.
+    id: int
+    #: Operating system and its version, such as `debian 12`; empty where unknown.
+    os: str
+
+class EnvironmentRequest(TypedDict):
+    """What measured, as far as it is known."""
+
+    #: The adapter: its name, and what else is known of it.
+    adapter: NotRequired["AdapterRequest"]
+    #: How clocks are held, such as `locked 1410 MHz`.
+    clocks: NotRequired[str]
+    #: Operating system and its version, such as `windows 11 24H2`.
+    os: NotRequired[str]
+
+class Failure(TypedDict):
+    """Why a job failed."""
+
+    #: Stable id of the cause.
+    code: str
+    #: Whose fault.
+    kind: "FailureKind"
+    #: For people: names the file, frame or field, and what to do.
+    message: str
+
+class Finding(TypedDict):
+    """What was found, as far as it applies."""
+
+    #: How far the value lies from what was before or approved; its sign is the value's change.
+    effect: Union["Value", None]
+    #: Upper end of the effect's 95 % interval.
+    effect_high: Union["Value", None]
+    #: Lower end of the effect's 95 % interval.
+    effect_low: Union["Value", None]
+    #: Its commit.
+    first_bad_commit: Union[str, None]
+    #: The first report that is bad.
+    first_bad_report: Union[int, None]
+    #: Its commit.
+    last_good_commit: Union[str, None]
+    #: The last report that was good.
+    last_good_report: Union[int, None]
+    #: What it was held against.
+    limit: Union["Value", None]
+    #: The value judged: the median of the repeats.
+    value: Union["Value", None]
+    #: Frames of the judged report that are worst, worst first.
+    worst_frames: List[int]
+
+class FrameAgreement(TypedDict):
+    """One frame on both sides."""
+
+    #: Position in the sequence, from 0.
+    index: int
+    #: In their order.
+    passes: List["PassAgreement"]
+    #: History was dropped before it.
+    reset: bool
+    #: What is shown.
+    shown: "Agreement"
+
+class FrameList(TypedDict):
+    """Every frame of a report."""
+
+    #: In order.
+    frames: List["FrameReport"]
+
+class FrameReport(TypedDict):
+    """One frame of one preset."""
+
+    #: Position in the sequence, from 0.
+    index: int
+    #: By metric id.
+    metrics: Dict[str, "Value"]
+    #: Pixels of output or reference with a non-finite component. Any at all fails the verdict.
+    non_finite_pixels: int
+    #: Texels whose colour had a non-finite, negative or overflowing component.
+    repaired_texels: int
+    #: History was dropped before this frame.
+    reset: bool
+    #: By pass (`prepare`, `resolve` and others: GPU timestamps, median of the repeats) and host stage (`host_cpu`, `decode`, `upload`, `readback`, `metrics`: wall time of that stage, `host_cpu`: CPU time of the submitting thread).
+    times_ms: Dict[str, float]
+    #: The frame lies within the manifest's `warmup_frames` after a reset: stored, but not summarised.
+    warmup: bool
+
+class FrameRequest(TypedDict):
+    """One frame's numbers."""
+
+    #: Position in the sequence, from 0.
+    index: int
+    #: By metric.
+    metrics: NotRequired[Dict[str, "Value"]]
+    #: Pixels with a component that is not finite.
+    non_finite_pixels: NotRequired[int]
+    #: History was dropped before this frame.
+    reset: NotRequired[bool]
+    #: GPU time by pass, milliseconds.
+    times_ms: NotRequired[Dict[str, float]]
+    #: The frame is kept but not summarised.
+    warmup: NotRequired[bool]
+
+class FramesPosted(TypedDict):
+    """How many frames were taken."""
+
+    #: The report.
+    id: int
+    #: How many.
+    n_frames: int
+
+class FramesRequest(TypedDict):
+    """The body of `POST /reports/{report}/frames`."""
+
+    #: More frames; where a frame is there already, its metrics and times are added to.
+    frames: List["FrameRequest"]
+
+class Health(TypedDict):
+    """What answers."""
+
+    #: Git revision of the build.
+    revision: str
+    #: `ok`.
+    status: str
+    #: Version of the program.
+    version: str
+
+#: A stored job.
+Job = TypedDict('Job', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'sequence_hash': str, 'sequence_name': str, 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
+
+class JobPage(TypedDict):
+    """A page of jobs."""
+
+    #: Newest first.
+    jobs: List["Job"]
+    #: Where the next page begins; none after the last.
+    next_cursor: Union["Cursor", None]
+
+#: The body of `POST /jobs`: presets to run, or images rendered elsewhere to compare.
+JobRequest = TypedDict('JobRequest', {'bisect': NotRequired[bool], 'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'frames': NotRequired[Union[int, None]], 'from': NotRequired[Union["DepartureInput", None]], 'history': NotRequired["Precision"], 'images': NotRequired["Images"], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'metrics': NotRequired[List["MetricId"]], 'outputs': NotRequired[Union["OutputsRequest", None]], 'parent': NotRequired[Union[str, None]], 'presets': NotRequired[List["PresetRequest"]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'repeat': NotRequired[int], 'sequence': str, 'validate': NotRequired[bool]})
+
+class JobSpec(TypedDict):
+    """Everything a worker must know to do a job."""
+
+    #: How history is stored.
+    history: "Precision"
+    #: Which output images to keep.
+    images: "Images"
+    #: Which metrics; left out where the sequence has no reference.
+    metrics: List["MetricId"]
+    #: Where metrics are computed.
+    metrics_on: "MetricsOn"
+    #: Run only the first so many frames.
+    n_frames: Union[int, None]
+    #: Images rendered elsewhere, to be compared instead of running presets.
+    outputs: NotRequired[Union["Outputs", None]]
+    #: Which systems.
+    presets: List["PresetSpec"]
+    #: How often each GPU pass of a frame is timed, 1 to 100.
+    repeat: int
+    #: Whether the adapter is held against the twin on the CPU.
+    validate: "Validate"
+
+#: A job and, once it is done, its reports.
+JobWithReports = TypedDict('JobWithReports', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'reports': List["Report"], 'sequence_hash': str, 'sequence_name': str, 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
+
+class Judgement(TypedDict):
+    """What the rules say."""
+
+    #: Numbers of the alerts that this opened.
+    alerts: List[int]
+    #: Every check.
+    checks: List["Check"]
+    #: A regression if there is any; else unknown if anything could not be told.
+    outcome: "Outcome"
+
+class Listing(TypedDict):
+    """A metric as lists show it."""
+
+    #: Which way it improves.
+    better: "Better"
+    #: One line for people.
+    description: str
+    #: Stored id; never changes.
+    id: str
+    #: The masks that it can be taken over, by what is put behind its id.
+    masks: List[str]
+    #: `dB`, or empty for a pure number.
+    unit: str
+    #: Raised when the numbers change.
+    version: int
+
+class NewWebhook(TypedDict):
+    """A new webhook with its secret, which is shown this once."""
+
+    #: When it was made.
+    created_at: "Timestamp"
+    #: Number.
+    id: int
+    #: Project whose verdicts it hears of.
+    project: str
+    #: Signs every delivery.
+    secret: str
+    #: Where to.
+    url: str
+
+class Outputs(TypedDict):
+    """Images of a system elsewhere."""
+
+    #: What rendered them.
+    environment: "Environment"
+    #: By frame index: SHA-256 of a blob that holds the image.
+    images: Dict[str, Any]
+    #: Its settings.
+    parameters: Dict[str, Any]
+    #: The system's name.
+    system: str
+
+class OutputsRequest(TypedDict):
+    """Images of a system elsewhere."""
+
+    #: What rendered them.
+    environment: NotRequired["EnvironmentRequest"]
+    #: SHA-256 of the blob with each frame's image, by frame index. EXR is linear RGB; other formats are read as the sequence's reference is.
+    images: Dict[str, str]
+    #: Its settings; other settings are another line.
+    parameters: NotRequired[Dict[str, Any]]
+    #: The system's name.
+    system: str
+
+class Overview(TypedDict):
+    """Over all frames."""
+
+    #: Every frame does.
+    agrees: bool
+    #: The first that does.
+    first_disagreeing_frame: Union[int, None]
+    #: The largest distance of a pixel.
+    max: float
+    #: The largest mean of a frame.
+    mean: float
+    #: Pixels beyond the bound, in all frames.
+    n_beyond: int
+    #: How many frames disagree.
+    n_disagreeing_frames: int
+    #: Pixels beyond it that 32-bit arithmetic does not determine, in all frames.
+    n_undetermined: int
+    #: The pass; `shown` of frames.
+    name: str
+    #: Pixels that are not finite on the GPU, in all frames.
+    non_finite_gpu: int
+    #: And in the twin.
+    non_finite_twin: int
+    #: The largest share of a frame's.
+    share_beyond: float
+    #: That pixel.
+    worst: Union["Worst", None]
+    #: The frame with the worst pixel; none where all are equal.
+    worst_frame: Union[int, None]
+
+class Parameter(TypedDict):
+    """A parameter of a recipe."""
+
+    #: What it is in a preset that does not say.
+    default: Any
+    #: What it is.
+    description: str
+    #: As jobs write it, and as shaders do.
+    name: str
+    #: Of its values, where they have one.
+    unit: Union[str, None]
+
+#: What one pass wrote.
+PassAgreement = TypedDict('PassAgreement', {'agrees': bool, 'max': float, 'mean': float, 'n_beyond': int, 'n_undetermined': int, 'non_finite_gpu': int, 'non_finite_twin': int, 'pass': str, 'share_beyond': float, 'worst': Union["Worst", None]})
+
+class Point(TypedDict):
+    """A metric at one point in time."""
+
+    #: Branch the submitter gave.
+    branch: Union[str, None]
+    #: Commit the submitter gave.
+    commit: Union[str, None]
+    #: When it was stored.
+    created_at: "Timestamp"
+    #: The job of that report, if it came from one.
+    job_id: Union[int, None]
+    #: Version of the metric; only equal ones compare. 0 for times.
+    metric_version: int
+    #: The report it stands for.
+    report_id: int
+    #: The value.
+    value: "Value"
+
+class PointList(TypedDict):
+    """Points of a series."""
+
+    #: How many there were before thinning.
+    n_points: int
+    #: Oldest first.
+    points: List["Point"]
+
+class Posted(TypedDict):
+    """A stored report."""
+
+    #: Whether it is whole.
+    complete: bool
+    #: Its number.
+    id: int
+    #: What its rules say, if any were sent.
+    judgement: Union["Judgement", None]
+
+class PostedAll(TypedDict):
+    """Reports of one post."""
+
+    #: Their numbers.
+    ids: List[int]
+
+class Preset(TypedDict):
+    """A published system."""
+
+    #: What it is.
+    description: str
+    #: Stored id; never changes.
+    id: str
+    #: The jitter that it was tuned for, where nothing is upscaled.
+    jitter: str
+    #: Where it was published.
+    publication: str
+    #: Its parameters.
+    recipe: "Recipe"
+
+class PresetSpec(TypedDict):
+    """One preset of a run, with overridden parameters."""
+
+    #: Recipe parameters that replace the preset's, by name.
+    parameters: Dict[str, Any]
+    #: Preset id, such as `karis2014`.
+    preset: str
+
+class PresetSpecInput(TypedDict):
+    """One preset of a run, with overridden parameters."""
+
+    #: Recipe parameters that replace the preset's, by name.
+    parameters: NotRequired[Dict[str, Any]]
+    #: Preset id, such as `karis2014`.
+    preset: str
+
+class ProjectList(TypedDict):
+    """Every project."""
+
+    #: Names.
+    projects: List[str]
+
+class Range(TypedDict):
+    """What numbers are allowed."""
+
+    #: The smallest is itself too small.
+    excludes_min: bool
+    #: The largest.
+    max: float
+    #: The smallest, or what all must be above.
+    min: float
+    #: Only odd ones.
+    odd: bool
+
+class Reason(TypedDict):
+    """Why, and by whom."""
+
+    #: Who says so, where no token says it.
+    who: NotRequired[Union[str, None]]
+    #: Why.
+    why: str
+
+class Recipe(TypedDict):
+    """Every parameter of the temporal pipeline."""
+
+    #: What resolves a frame.
+    algorithm: "Algorithm"
+    #: Make the chroma of a `ycocg` box an eighth of its luma range to either side of the current colour's.
+    chroma_from_luma: bool
+    #: The smallest weight of `count`.
+    count_weight_min: float
+    #: Weight of the current colour where `weight` is `fixed`.
+    current_weight: float
+    #: Clamp filtered history to the 4 texels around the position.
+    deringing: bool
+    #: Which texel's motion vector a pixel uses, over the 3×3 around it.
+    dilation: "Dilation"
+    #: The domain in which colours are compared, blended and stored.
+    domain: "Domain"
+    #: Whether bright colours count less in the blend.
+    hdr_weight: "HdrWeight"
+    #: Store history as f32 whatever the job says, for averages longer than f16 can hold.
+    history_always_f32: bool
+    #: How history is read at the reprojected position.
+    history_filter: "HistoryFilter"
+    #: How the current colour is read.
+    input_filter: "InputFilter"
+    #: Intersect the variance box with the 3×3 minimum and maximum.
+    intersect_minmax: bool
+    #: Weight of history where its luma agrees, for `luma_feedback`.
+    luma_feedback_hi: float
+    #: Weight of history where its luma differs most, for `luma_feedback`.
+    luma_feedback_lo: float
+    #: Show fast pixels blurred along their motion instead of resolved.
+    motion_blur: bool
+    #: Raise the weight with motion.
+    motion_weight: bool
+    #: Motion at which the weight begins to rise.
+    motion_weight_from_px: float
+    #: Motion at which the weight reaches 1; above `motion_weight_from_px`.
+    motion_weight_to_px: float
+    #: The colour box of the current neighbourhood.
+    neighbourhood: "Neighbourhood"
+    #: With `phlm2016`, refresh the feature by the formula as printed, a power too high and without a floor.
+    phlm_printed: bool
+    #: Find mean and deviation in two passes whose cost does not depend on the window.
+    prefilter_moments: bool
+    #: Raise the weight to the sequence's reactive mask.
+    reactive: bool
+    #: What is done to history outside the box.
+    rectify: "Rectify"
+    #: Treat history as absent where the previous depth does not fit.
+    reject_depth: bool
+    #: The largest difference of depth that still fits, as a share of the depth expected.
+    reject_depth_tolerance: float
+    #: Treat history as absent where it is of another object.
+    reject_id: bool
+    #: Look history up where the motion vector points; otherwise in the same pixel.
+    reproject: bool
+    #: How the shown image is sharpened.
+    sharpen: "Sharpen"
+    #: How much of the kernel's effect.
+    sharpen_strength: float
+    #: Which colour is resolved.
+    source: "Source"
+    #: The colour space of box and rectification.
+    space: "Space"
+    #: Anti-aliasing of each frame by itself, before everything else.
+    spatial: "Spatial"
+    #: Decode the sRGB of the domain `display` before a spatial filter mixes colours and encode after, as a sampler of an sRGB texture does.
+    spatial_decodes: bool
+    #: Read the box's texels at the jitter-free grid, bilinearly.
+    unjitter_neighbourhood: bool
+    #: Half extent of the variance box.
+    variance_gamma: float
+    #: Side of the variance box's window.
+    variance_window: int
+    #: How the weight of the current colour is found.
+    weight: "Weight"
+
+class RecipeList(TypedDict):
+    """Every preset with its parameters."""
+
+    #: In the order of `GET /presets`.
+    recipes: List["RecipeListing"]
+
+class RecipeListing(TypedDict):
+    """A preset with its parameters described."""
+
+    #: What it is.
+    description: str
+    #: Preset id.
+    id: str
+    #: Every parameter, with the preset's value as default.
+    parameters: List["Parameter"]
+    #: Where it was published.
+    publication: str
+
+#: A stored report without its frames.
+Report = TypedDict('Report', {'adapter': "AdapterInfo", 'branch': Union[str, None], 'clocks': str, 'commit': Union[str, None], 'complete': bool, 'created_at': "Timestamp", 'engine_version': Union[str, None], 'environment_id': int, 'from': Union["Departure", None], 'gpu_time_ms': Union[float, None], 'history': Union["Precision", None], 'id': int, 'job_id': Union[int, None], 'kind': "SystemKind", 'label': Union[str, None], 'labels': Dict[str, str], 'metric_versions': Dict[str, int], 'notes': List[str], 'os': str, 'overrides': Dict[str, Any], 'parameters': Any, 'parent': Union[str, None], 'preset': str, 'preset_index': int, 'project': str, 'pull_request': Union[str, None], 'revision': str, 'sequence_hash': Union[str, None], 'sequence_name': str, 'series_id': int, 'stages_ms': Dict[str, float], 'summary': Dict[str, "Summary"], 'times_ms': Dict[str, "TimeSummary"], 'validation': Union["Validation", None], 'values': Dict[str, "Value"]})
+
+class ReportPage(TypedDict):
+    """A page of reports."""
+
+    #: Where the next page begins; none after the last.
+    next_cursor: Union["Cursor", None]
+    #: Newest first.
+    reports: List["Report"]
+
+#: The body of `POST /reports`.
+ReportRequest = TypedDict('ReportRequest', {'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'environment': NotRequired["EnvironmentRequest"], 'frames': NotRequired[List["FrameRequest"]], 'from': NotRequired[Union["DepartureInput", None]], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'metric_versions': NotRequired[Dict[str, int]], 'notes': NotRequired[List[str]], 'open': NotRequired[bool], 'parameters': NotRequired[Dict[str, Any]], 'parent': NotRequired[Union[str, None]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'rules': NotRequired[Union["RulesInput", None]], 'sequence': str, 'system': str, 'values': NotRequired[Dict[str, "Value"]]})
+
+class Rule(TypedDict):
+    """What must hold of some metrics on some sequences of some recipes."""
+
+    #: How much worse than the worst approved result of the same environment it may be.
+    baseline: NotRequired[Union["Tolerance", None]]
+    #: Which way a metric improves that is not known here.
+    better: NotRequired[Union["Better", None]]
+    #: Watch for a change for the worse in the line's history.
+    change: NotRequired[Union["ChangeRule", None]]
+    #: The most that is good enough.
+    max: NotRequired[Union[float, None]]
+    #: Metrics by id; `*` stands for any text, `?` for one character.
+    metric: str
+    #: The least that is good enough.
+    min: NotRequired[Union[float, None]]
+    #: Presets, or systems elsewhere, by name; wildcards as in `metric`.
+    recipe: str
+    #: Sequences by name; wildcards as in `metric`.
+    sequence: str
+
+class RuleInput(TypedDict):
+    """What must hold of some metrics on some sequences of some recipes."""
+
+    #: How much worse than the worst approved result of the same environment it may be.
+    baseline: NotRequired[Union["Tolerance", None]]
+    #: Which way a metric improves that is not known here.
+    better: NotRequired[Union["Better", None]]
+    #: Watch for a change for the worse in the line's history.
+    change: NotRequired[Union["ChangeRuleInput", None]]
+    #: The most that is good enough.
+    max: NotRequired[Union[float, None]]
+    #: Metrics by id; `*` stands for any text, `?` for one character.
+    metric: str
+    #: The least that is good enough.
+    min: NotRequired[Union[float, None]]
+    #: Presets, or systems elsewhere, by name; wildcards as in `metric`.
+    recipe: NotRequired[str]
+    #: Sequences by name; wildcards as in `metric`.
+    sequence: NotRequired[str]
+
+class Rules(TypedDict):
+    """A rules file."""
+
+    #: A line without a report for so many nights is an alert; none where left out.
+    no_data_nights: Union[int, None]
+    #: The limits. Every rule that matches counts; a later one replaces the same check of an earlier one.
+    rule: List["Rule"]
+
+class RulesInput(TypedDict):
+    """A rules file."""
+
+    #: A line without a report for so many nights is an alert; none where left out.
+    no_data_nights: NotRequired[Union[int, None]]
+    #: The limits. Every rule that matches counts; a later one replaces the same check of an earlier one.
+    rule: NotRequired[List["RuleInput"]]
+
+class Sequence(TypedDict):
+    """A stored sequence."""
+
+    #: Content hash: SHA-256 in hexadecimal.
+    hash: str
+    #: The manifest as submitted; left out of lists.
+    manifest: NotRequired[Any]
+    #: Size of its folder in bytes.
+    n_bytes: int
+    #: Number of frames.
+    n_frames: int
+    #: The name it was last put under.
+    name: str
+    #: Size of the reference.
+    output_size: "Extent"
+    #: When it was last put.
+    put_at: "Timestamp"
+    #: Size of the engine's frames.
+    render_size: "Extent"
+
+class SequencePage(TypedDict):
+    """A page of sequences."""
+
+    #: Where the next page begins; none after the last.
+    next_cursor: Union["Cursor", None]
+    #: Newest content first, without manifests.
+    sequences: List["Sequence"]
+
+class SequenceRequest(TypedDict):
+    """The body of `POST /sequences`."""
+
+    #: SHA-256 of each file that the manifest refers to, by its path there. The blobs must have been put.
+    files: Dict[str, str]
+    #: The manifest, as `manifest.json` would have it.
+    manifest: Dict[str, Any]
+    #: The name to find it by.
+    name: str
+
+class Series(TypedDict):
+    """What two reports must share to be comparable."""
+
+    #: Adapter and driver.
+    adapter: "AdapterInfo"
+    #: How clocks are held, such as `locked 1410 MHz`; empty where they are not.
+    clocks: str
+    #: The machine; equal numbers mean equal environments.
+    environment_id: int
+    #: How history was stored; none where unknown.
+    history: Union["Precision", None]
+    #: Whether it ran here or elsewhere.
+    kind: "SystemKind"
+    #: Operating system and its version, such as `debian 12`; empty where unknown.
+    os: str
+    #: The parameters that the submitter changed.
+    overrides: Dict[str, Any]
+    #: The recipe in full.
+    parameters: Any
+    #: Preset id, or the external system's name.
+    preset: str
+    #: Project.
+    project: str
+    #: Content hash of the sequence; none where only its name is known.
+    sequence_hash: Union[str, None]
+    #: Name of the sequence.
+    sequence_name: str
+    #: Row id.
+    series_id: int
+
+class Summary(TypedDict):
+    """One metric over the frames of a sequence."""
+
+    #: How many frames are infinite.
+    infinite: int
+    #: Mean of the finite frames; of `flicker` their root mean square. Where there are none, the infinity that all frames share, or NaN.
+    mean: "Value"
+    #: Smallest value of all frames but NaN ones.
+    min: "Value"
+    #: How many frames are NaN. Any at all means that the other fields speak of fewer frames than ran.
+    nan: int
+    #: 5th percentile of all frames but NaN ones: linear between order statistics, rank 0.05·(n − 1) counted from 0.
+    p5: "Value"
+    #: For PSNRs: the PSNR of the mean of the frames' mean squared errors. Equal frames count as error 0.
+    pooled: NotRequired[Union["Value", None]]
+
+class ThresholdList(TypedDict):
+    """Rules of every branch."""
+
+    #: One a branch.
+    thresholds: List["Thresholds"]
+
+class Thresholds(TypedDict):
+    """Rules of a branch."""
+
+    #: Branch; empty for none.
+    branch: str
+    #: Project.
+    project: str
+    #: The rules that its last run was sent with.
+    rules: "Rules"
+
+class TimeSummary(TypedDict):
+    """Repeated measurements of one pass."""
+
+    #: Median absolute deviation from the median.
+    mad: float
+    #: Middle value.
+    median: float
+    #: Smallest value: the least disturbed.
+    min: float
+    #: How many measurements.
+    n: int
+
+class Token(TypedDict):
+    """A token as it is stored, without anything that would let someone use it."""
+
+    #: When it was made.
+    created_at: "Timestamp"
+    #: When it ends by itself.
+    expires_at: Union["Timestamp", None]
+    #: The token's first characters, by which its owner tells it from others.
+    handle: str
+    #: Number.
+    id: int
+    #: For people.
+    name: str
+    #: Requests a minute; none for no limit.
+    rate_per_minute: Union[int, None]
+    #: When it was revoked.
+    revoked_at: Union["Timestamp", None]
+    #: What it allows.
+    scopes: List["Scope"]
+
+class TokenList(TypedDict):
+    """Every token."""
+
+    #: Without anything that would let someone use them.
+    tokens: List["Token"]
+
+class Trend(TypedDict):
+    """One line of a trend."""
+
+    #: Adapter and driver.
+    adapter: "AdapterInfo"
+    #: How clocks are held, such as `locked 1410 MHz`; empty where they are not.
+    clocks: str
+    #: The machine; equal numbers mean equal environments.
+    environment_id: int
+    #: How history was stored; none where unknown.
+    history: Union["Precision", None]
+    #: Whether it ran here or elsewhere.
+    kind: "SystemKind"
+    #: Operating system and its version, such as `debian 12`; empty where unknown.
+    os: str
+    #: The parameters that the submitter changed.
+    overrides: Dict[str, Any]
+    #: The recipe in full.
+    parameters: Any
+    #: Oldest first.
+    points: List["Point"]
+    #: Preset id, or the external system's name.
+    preset: str
+    #: Project.
+    project: str
+    #: Content hash of the sequence; none where only its name is known.
+    sequence_hash: Union[str, None]
+    #: Name of the sequence.
+    sequence_name: str
+    #: Row id.
+    series_id: int
+
+class TrendList(TypedDict):
+    """Lines of one metric."""
+
+    #: The metric's id.
+    metric: str
+    #: One for each combination of sequence, recipe and environment that has points.
+    series: List["Trend"]
+
+class Validation(TypedDict):
+    """A recipe over a sequence, on the adapter and on its twin."""
+
+    #: Every pass of every frame agrees, and every frame shown.
+    agrees: bool
+    #: Which pass is wrong, where that was asked for and any is.
+    bisection: Union["Bisection", None]
+    #: What is allowed of the frames shown; none where they are measured only, as with a 16-bit history that decides more than a blend.
+    frame_bounds: Union["Bounds", None]
+    #: In their order.
+    frames: NotRequired[List["FrameAgreement"]]
+    #: What is allowed of each pass, given the same inputs as its twin.
+    pass_bounds: "Bounds"
+    #: In their order, against a twin of the GPU's own inputs.
+    passes: List["Overview"]
+    #: The frames shown, against a twin that runs by itself.
+    shown: "Overview"
+
+class VerdictRequest(TypedDict):
+    """The body of `POST /verdicts`."""
+
+    #: Reports by number, all of one branch. Those of one line are repeats of one measurement: their median is judged.
+    reports: List[int]
+    #: The rules file as JSON.
+    rules: "RulesInput"
+
+class Webhook(TypedDict):
+    """An address that hears of verdicts."""
+
+    #: When it was made.
+    created_at: "Timestamp"
+    #: Number.
+    id: int
+    #: Project whose verdicts it hears of.
+    project: str
+    #: Where to.
+    url: str
+
+class WebhookList(TypedDict):
+    """Every webhook."""
+
+    #: Without their secrets.
+    webhooks: List["Webhook"]
+
+class WebhookRequest(TypedDict):
+    """The body of `POST /webhooks`."""
+
+    #: Whose verdicts; `default` where left out.
+    project: NotRequired[Union[str, None]]
+    #: Where to: `https://…`, or `http://…`.
+    url: str
+
+class Worst(TypedDict):
+    """A pixel of an image that a pass writes."""
+
+    #: The image's name in the pass's shader.
+    image: str
+    #: Column and row.
+    pixel: List[int]
+
+#: Where an alert stands.
+AlertStatus = Union[Literal['dismissed'], Literal['open'], Literal['resolved']]
+
+#: What resolves a frame.
+Algorithm = Union[Literal['checkerboard'], Literal['phlm2016'], Literal['temporal']]
+
+#: Bencher's metric JSON: by benchmark, by measure.
+BencherRequest = Dict[str, Dict[str, "BencherMetric"]]
+
+#: Which way a metric improves.
+Better = Union[Literal['higher'], Literal['lower']]
+
+#: The `next_cursor` of the page before.
+Cursor = str
+
+#: Which texel's motion vector a pixel uses, over the 3×3 around it.
+Dilation = Union[Literal['closest'], Literal['longest'], Literal['none']]
+
+#: The domain in which colours are compared, blended and stored.
+Domain = Union[Literal['display'], Literal['linear'], Literal['tonemapped']]
+
+#: Width and height in pixels. Written `[width, height]` in JSON.
+Extent = List[int]
+
+#: Whose fault a failure is. Only [`FailureKind::Device`] is worth another try.
+FailureKind = Union[Literal['device'], Literal['input'], Literal['internal']]
+
+#: Whether bright colours count less in the blend.
+HdrWeight = Union[Literal['karis'], Literal['none']]
+
+#: How history is read at the reprojected position.
+HistoryFilter = Union[Literal['bfecc'], Literal['bilinear'], Literal['catmull_rom'], Literal['catmull_rom_5'], Literal['none'], Literal['quasi_cubic'], Literal['texel']]
+
+#: Which precision output images are kept in.
+Images = Union[Literal['float'], Literal['half'], Literal['none']]
+
+#: How the current colour is read.
+InputFilter = Union[Literal['blackman_harris'], Literal['texel'], Literal['unjitter'], Literal['upsample']]
+
+#: What kind of check.
+Kind = Union[Literal['baseline'], Literal['change'], Literal['limit'], Literal['no_data']]
+
+#: A metric's id, such as `psnr`, or over a mask, such as `psnr.moving`. `/api/v1/metrics` lists them.
+MetricId = str
+
+#: Where metrics are computed: the values agree, the times do not.
+MetricsOn = Union[Literal['auto'], Literal['cpu'], Literal['gpu']]
+
+#: The colour box of the current neighbourhood.
+Neighbourhood = Union[Literal['box3'], Literal['cross'], Literal['none'], Literal['rounded'], Literal['shrunk'], Literal['sobel'], Literal['variance']]
+
+#: What became of a check.
+Outcome = Union[Literal['ok'], Literal['regression'], Literal['unknown']]
+
+#: How history is stored between frames.
+Precision = Union[Literal['f16'], Literal['f32']]
+
+#: A preset's id, or an object with `preset` and `parameters`.
+PresetRequest = Union["PresetSpecInput", str]
+
+#: What is done to history outside the box.
+Rectify = Union[Literal['clamp'], Literal['clip_centre'], Literal['clip_current'], Literal['hull'], Literal['none']]
+
+#: What a token allows.
+Scope = Union[Literal['admin'], Literal['approve'], Literal['read'], Literal['submit']]
+
+#: How the shown image is sharpened.
+Sharpen = Union[Literal['none'], Literal['normalised'], Literal['rcas'], Literal['xu']]
+
+#: Which colour a recipe resolves.
+Source = Union[Literal['color'], Literal['unjittered_if_present']]
+
+#: The colour space of box and rectification.
+Space = Union[Literal['rgb'], Literal['ycocg']]
+
+#: How each frame is anti-aliased by itself, before anything else reads its colour.
+Spatial = Union[Literal['fxaa'], Literal['none'], Literal['smaa']]
+
+#: Where a job stands.
+Status = Union[Literal['cancelled'], Literal['done'], Literal['failed'], Literal['queued'], Literal['running']]
+
+#: Who measured.
+SystemKind = Union[Literal['external'], Literal['recipe']]
+
+#: RFC 3339, UTC.
+Timestamp = str
+
+#: A difference in the metric's unit, or a share of what is compared with, such as `2 %`.
+Tolerance = Union[float, str]
+
+#: Whether the adapter's results are held against the twin's, pass by pass. Slow: the twin computes in f64 on the CPU.
+Validate = Union[Literal['bisect'], Literal['no'], Literal['yes']]
+
+#: A number, or what JSON has none for.
+Value = Union[Literal['inf', '-inf', 'nan'], float]
+
+#: What someone said of a result.
+Verdict = Union[Literal['approved'], Literal['rejected']]
+
+#: How the weight of the current colour is found.
+Weight = Union[Literal['amortized'], Literal['antiflicker'], Literal['count'], Literal['fixed'], Literal['luma_feedback']]
+
+
+
+class Problem(Exception):
+    """What the service refused: problem details with a stable `code`."""
+
+    def __init__(self, status: int, body: Dict[str, Any]):
+        super().__init__(f"{status} {body.get('code', '')}: {body.get('detail', '')}")
+        self.status = status
+        self.code: str = body.get("code", "")
+        self.detail: str = body.get("detail", "")
+        self.field: Optional[str] = body.get("field")
+        self.body = body
+
+
+class Client:
+    """The service at `url`."""
+
+    def __init__(self, url: str, token: Optional[str] = None, timeout: float = 60.0, attempts: int = 5):
+        self.base = url.rstrip("/") + "/api/v1"
+        self.token = token
+        self.timeout = timeout
+        self.attempts = attempts
+
+    def _request(self, method: str, path: str, query: Dict[str, Any], headers: Dict[str, Any], body: Any) -> Any:
+        pairs = [(name, str(value).lower() if isinstance(value, bool) else value) for name, value in query.items() if value is not None]
+        url = self.base + path + ("?" + urllib.parse.urlencode(pairs) if pairs else "")
+        sent = {name: str(value) for name, value in headers.items() if value is not None}
+        sent.setdefault("Accept", "application/json")
+        if self.token:
+            sent["Authorization"] = f"Bearer {self.token}"
+        data = body
+        if body is not None and not isinstance(body, (bytes, bytearray)) and not hasattr(body, "read"):
+            data = json.dumps(body, allow_nan=False).encode()
+            sent["Content-Type"] = "application/json"
+        if method == "POST":
+            sent.setdefault("Idempotency-Key", uuid.uuid4().hex)
+        return self._send(urllib.request.Request(url, data=data, headers=sent, method=method))
+
+    def _send(self, request: urllib.request.Request) -> Any:
+        wait = 0.5
+        for attempt in range(1, self.attempts + 1):
+            try:
+                with urllib.request.urlopen(request, timeout=self.timeout) as answer:
+                    content = answer.read()
+                    if "json" in answer.headers.get("Content-Type", ""):
+                        return json.loads(content)
+                    return content or None
+            except urllib.error.HTTPError as error:
+                asked = error.headers.get("Retry-After")
+                again = error.code == 429 or error.code >= 500 or (error.code == 409 and asked)
+                if not again or attempt == self.attempts:
+                    content = error.read()
+                    raise Problem(error.code, json.loads(content) if content[:1] == b"{" else {}) from None
+                time.sleep(min(float(asked), 60.0) if asked else wait)
+            except (urllib.error.URLError, ConnectionError, TimeoutError):
+                if attempt == self.attempts:
+                    raise
+                time.sleep(wait)
+            wait *= 2
+
+    def get_adapter(self) -> "AdapterInfo":
+        """The adapter that runs jobs"""
+        return self._request('GET', f"/adapter", {}, {}, None)
+
+    def list_alerts(self, *, branch: Optional[str] = None, cursor: Optional[str] = None, limit: Optional[int] = None, project: Optional[str] = None, since: Optional[str] = None, status: Optional[Union[Literal['dismissed'], Literal['open'], Literal['resolved']]] = None) -> "AlertPage":
+        """Faults that were found
+
+        branch: Only of this branch.
+        cursor: The `next_cursor` of the page before.
+        limit: At most so many, 1 to 1000; 50 where left out.
+        project: Only of this project.
+        since: Only those whose first bad report is of this commit, or came after it.
+        status: Only of this status."""
+        return self._request('GET', f"/alerts", {'branch': branch, 'cursor': cursor, 'limit': limit, 'project': project, 'since': since, 'status': status}, {}, None)
+
+    def iterate_alerts(self, **query: Any) -> Iterator["Alert"]:
+        """Every row of `list_alerts`, page by page."""
+        cursor = None
+        while True:
+            page = self.list_alerts(cursor=cursor, **query)
+            yield from page['alerts']
+            cursor = page.get('next_cursor')
+            if cursor is None:
+                return
+
+    def get_alert(self, alert: int) -> "Alert":
+        """One alert
+
+        alert: Number."""
+        return self._request('GET', f"/alerts/{urllib.parse.quote(str(alert), safe='')}", {}, {}, None)
+
+    def dismiss_alert(self, alert: int, body: "Reason", *, idempotency_key: Optional[str] = None) -> "Alert":
+        """Say that an alert does not matter
+
+        alert: Number.
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/alerts/{urllib.parse.quote(str(alert), safe='')}/dismiss", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def list_baselines(self, *, cursor: Optional[str] = None, limit: Optional[int] = None, report: Optional[int] = None, series: Optional[int] = None) -> "DecisionPage":
+        """What was approved and rejected, by whom, why
+
+        cursor: The `next_cursor` of the page before.
+        limit: At most so many, 1 to 1000; 50 where left out.
+        report: Only of this report.
+        series: Only of this series."""
+        return self._request('GET', f"/baselines", {'cursor': cursor, 'limit': limit, 'report': report, 'series': series}, {}, None)
+
+    def iterate_baselines(self, **query: Any) -> Iterator["Decision"]:
+        """Every row of `list_baselines`, page by page."""
+        cursor = None
+        while True:
+            page = self.list_baselines(cursor=cursor, **query)
+            yield from page['decisions']
+            cursor = page.get('next_cursor')
+            if cursor is None:
+                return
+
+    def head_blob(self, sha256: str) -> None:
+        """Whether a file is here, or how much of it
+
+        sha256: SHA-256 of the content in hexadecimal."""
+        return self._request('HEAD', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {}, None)
+
+    def put_blob(self, sha256: str, body: bytes, *, content_range: Optional[str] = None) -> Union["Blob", None]:
+        """Send a file, or the rest of it
+
+        sha256: SHA-256 of the content in hexadecimal.
+        content_range: `bytes FIRST-LAST/TOTAL`
+        body: The whole file, or the part that `content-range` names."""
+        return self._request('PUT', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {'Content-Range': content_range}, body)
+
+    def list_environments(self) -> "EnvironmentList":
+        """Every environment that results came from"""
+        return self._request('GET', f"/environments", {}, {}, None)
+
+    def get_health(self) -> "Health":
+        """Whether the database answers"""
+        return self._request('GET', f"/health", {}, {}, None)
+
+    def list_jobs(self, *, cursor: Optional[str] = None, limit: Optional[int] = None, project: Optional[str] = None, sequence: Optional[str] = None, status: Optional[Union[Literal['cancelled'], Literal['done'], Literal['failed'], Literal['queued'], Literal['running']]] = None) -> "JobPage":
+        """Jobs
+
+        cursor: The `next_cursor` of the page before.
+        limit: At most so many, 1 to 1000; 50 where left out.
+        project: Only of this project.
+        sequence: Only of this sequence: hash or name.
+        status: Only of this status."""
+        return self._request('GET', f"/jobs", {'cursor': cursor, 'limit': limit, 'project': project, 'sequence': sequence, 'status': status}, {}, None)
+
+    def iterate_jobs(self, **query: Any) -> Iterator["Job"]:
+        """Every row of `list_jobs`, page by page."""
+        cursor = None
+        while True:
+            page = self.list_jobs(cursor=cursor, **query)
+            yield from page['jobs']
+            cursor = page.get('next_cursor')
+            if cursor is None:
+                return
+
+    def create_job(self, body: "JobRequest", *, idempotency_key: Optional[str] = None) -> "JobWithReports":
+        """Queue presets to run, or images to compare, over a sequence
+
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/jobs", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def cancel_job(self, job: int) -> "JobWithReports":
+        """Cancel a job
+
+        job: Number."""
+        return self._request('DELETE', f"/jobs/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+
+    def get_job(self, job: int) -> "JobWithReports":
+        """One job with its reports
+
+        job: Number."""
+        return self._request('GET', f"/jobs/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+
+    def list_metrics(self) -> List["Listing"]:
+        """Every metric that is computed here"""
+        return self._request('GET', f"/metrics", {}, {}, None)
+
+    def get_document(self) -> Any:
+        """This document"""
+        return self._request('GET', f"/openapi.json", {}, {}, None)
+
+    def list_presets(self) -> List["Preset"]:
+        """Published systems with their parameters' values"""
+        return self._request('GET', f"/presets", {}, {}, None)
+
+    def list_projects(self) -> "ProjectList":
+        """Every project"""
+        return self._request('GET', f"/projects", {}, {}, None)
+
+    def list_branches(self, project: str) -> "BranchList":
+        """A project's branches with their points of departure
+
+        project: Project name."""
+        return self._request('GET', f"/projects/{urllib.parse.quote(str(project), safe='')}/branches", {}, {}, None)
+
+    def list_recipes(self) -> "RecipeList":
+        """Published systems with every parameter's type, unit, range, default"""
+        return self._request('GET', f"/recipes", {}, {}, None)
+
+    def get_recipe(self, preset: str) -> "RecipeListing":
+        """One published system
+
+        preset: Preset id."""
+        return self._request('GET', f"/recipes/{urllib.parse.quote(str(preset), safe='')}", {}, {}, None)
+
+    def list_reports(self, *, branch: Optional[str] = None, commit: Optional[str] = None, cursor: Optional[str] = None, latest: Optional[bool] = None, limit: Optional[int] = None, preset: Optional[str] = None, project: Optional[str] = None, sequence: Optional[str] = None, series: Optional[int] = None) -> "ReportPage":
+        """Reports
+
+        branch: Only of this branch.
+        commit: Only of this commit.
+        cursor: The `next_cursor` of the page before.
+        latest: Only the newest of each series.
+        limit: At most so many, 1 to 1000; 50 where left out.
+        preset: Only of this preset or external system.
+        project: Only of this project.
+        sequence: Only of this sequence: hash or name.
+        series: Only of this series."""
+        return self._request('GET', f"/reports", {'branch': branch, 'commit': commit, 'cursor': cursor, 'latest': latest, 'limit': limit, 'preset': preset, 'project': project, 'sequence': sequence, 'series': series}, {}, None)
+
+    def iterate_reports(self, **query: Any) -> Iterator["Report"]:
+        """Every row of `list_reports`, page by page."""
+        cursor = None
+        while True:
+            page = self.list_reports(cursor=cursor, **query)
+            yield from page['reports']
+            cursor = page.get('next_cursor')
+            if cursor is None:
+                return
+
+    def create_report(self, body: "ReportRequest", *, idempotency_key: Optional[str] = None) -> "Posted":
+        """Post results measured elsewhere
+
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/reports", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def create_bencher_reports(self, body: "BencherRequest", *, branch: Optional[str] = None, commit: Optional[str] = None, project: Optional[str] = None, system: Optional[str] = None, testbed: Optional[str] = None, idempotency_key: Optional[str] = None) -> "PostedAll":
+        """Post Bencher's metric JSON: a report a benchmark
+
+        branch: Branch.
+        commit: Commit.
+        project: Project.
+        system: What measured; `bencher` where left out.
+        testbed: The machine's name.
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/reports/bencher", {'branch': branch, 'commit': commit, 'project': project, 'system': system, 'testbed': testbed}, {'Idempotency-Key': idempotency_key}, body)
+
+    def get_report(self, report: int) -> "Report":
+        """One report without its frames
+
+        report: Number."""
+        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}", {}, {}, None)
+
+    def close_report(self, report: int, body: "CloseRequest", *, idempotency_key: Optional[str] = None) -> "Posted":
+        """Summarise an open report; from now on it counts
+
+        report: Number.
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/close", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def decide(self, report: int, body: "DecisionRequest", *, idempotency_key: Optional[str] = None) -> "Decision":
+        """Approve a result into its line's baseline, or reject it
+
+        report: Number.
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/decisions", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def list_frames(self, report: int, *, format: Optional[Union[Literal['csv'], Literal['json'], Literal['parquet']]] = None) -> Union["FrameList", bytes]:
+        """Every frame's metrics and times, as JSON, CSV or Parquet
+
+        report: Number.
+        format: JSON unless this or the header `accept` asks for another."""
+        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames", {'format': format}, {}, None)
+
+    def add_frames(self, report: int, body: "FramesRequest", *, idempotency_key: Optional[str] = None) -> "FramesPosted":
+        """Add frames to an open report
+
+        report: Number.
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def get_report_image(self, report: int, frame: int, image: str, *, max: Optional[float] = None) -> bytes:
+        """A frame's output, reference, error, or map of a spatial metric
+
+        report: Number.
+        frame: Frame index, from 0.
+        image: `output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`.
+        max: The error, in display values, or the value of a map that is drawn white."""
+        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'max': max}, {}, None)
+
+    def get_validation(self, report: int) -> "Validation":
+        """How far the adapter is from the twin, every pass of every frame
+
+        report: Number."""
+        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/validation", {}, {}, None)
+
+    def list_sequences(self, *, cursor: Optional[str] = None, limit: Optional[int] = None) -> "SequencePage":
+        """Sequences
+
+        cursor: The `next_cursor` of the page before.
+        limit: At most so many, 1 to 1000; 50 where left out."""
+        return self._request('GET', f"/sequences", {'cursor': cursor, 'limit': limit}, {}, None)
+
+    def iterate_sequences(self, **query: Any) -> Iterator["Sequence"]:
+        """Every row of `list_sequences`, page by page."""
+        cursor = None
+        while True:
+            page = self.list_sequences(cursor=cursor, **query)
+            yield from page['sequences']
+            cursor = page.get('next_cursor')
+            if cursor is None:
+                return
+
+    def create_sequence(self, body: "SequenceRequest", *, idempotency_key: Optional[str] = None) -> "Sequence":
+        """Make a sequence of blobs
+
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/sequences", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def get_sequence(self, sequence: str) -> "Sequence":
+        """One sequence with its manifest
+
+        sequence: Content hash, or the name it was last put under."""
+        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, None)
+
+    def put_sequence(self, sequence: str, body: bytes) -> "Sequence":
+        """Send a sequence as tar, tar.gz or zip
+
+        sequence: Content hash, or the name it was last put under.
+        body: Streamed; unpacked within limits, checked and hashed before it is kept."""
+        return self._request('PUT', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, body)
+
+    def get_archive(self, sequence: str) -> bytes:
+        """A sequence as a tar
+
+        sequence: Content hash, or the name it was last put under."""
+        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/archive", {}, {}, None)
+
+    def get_reference_image(self, sequence: str, frame: int, image: str) -> bytes:
+        """A frame's reference
+
+        sequence: Content hash, or the name it was last put under.
+        frame: Frame index, from 0.
+        image: `output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`."""
+        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {}, {}, None)
+
+    def list_series(self, metric: str, *, adapter: Optional[str] = None, branch: Optional[str] = None, limit: Optional[int] = None, preset: Optional[str] = None, project: Optional[str] = None, sequence: Optional[str] = None) -> "TrendList":
+        """A metric over time, a line for each sequence, recipe and environment
+
+        adapter: Only on adapters of this name.
+        branch: Only of this branch, and of its parent up to where it left.
+        limit: The newest so many of each series, 1 to 1000; 200 where left out.
+        metric: A metric's id, or `gpu_time_ms`.
+        preset: Only of this preset or external system.
+        project: Only of this project.
+        sequence: Only of this sequence: hash or name."""
+        return self._request('GET', f"/series", {'adapter': adapter, 'branch': branch, 'limit': limit, 'metric': metric, 'preset': preset, 'project': project, 'sequence': sequence}, {}, None)
+
+    def get_series(self, series: int) -> "Series":
+        """What the points of a line have in common
+
+        series: Number."""
+        return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}", {}, {}, None)
+
+    def list_points(self, series: int, metric: str, *, branch: Optional[str] = None, format: Optional[Union[Literal['csv'], Literal['json'], Literal['parquet']]] = None, limit: Optional[int] = None, max_points: Optional[int] = None, since_ms: Optional[int] = None, until_ms: Optional[int] = None) -> Union["PointList", bytes]:
+        """A metric of one line, whole or thinned, as JSON, CSV or Parquet
+
+        series: Number.
+        branch: Only of this branch, and of its parent up to where it left.
+        format: JSON unless this or the header `accept` asks for another.
+        limit: The newest so many, 1 to 1000000; 100000 where left out.
+        max_points: Thin them to at most so many, 4 to 100000, that keep every peak; none are left out without it.
+        metric: A metric's id, or `gpu_time_ms`.
+        since_ms: Not before: milliseconds since 1970.
+        until_ms: Not after: milliseconds since 1970."""
+        return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}/points", {'branch': branch, 'format': format, 'limit': limit, 'max_points': max_points, 'metric': metric, 'since_ms': since_ms, 'until_ms': until_ms}, {}, None)
+
+    def list_thresholds(self) -> "ThresholdList":
+        """The rules of every branch, as last sent"""
+        return self._request('GET', f"/thresholds", {}, {}, None)
+
+    def list_tokens(self) -> "TokenList":
+        """Every token, without its text"""
+        return self._request('GET', f"/tokens", {}, {}, None)
+
+    def revoke_token(self, token: int) -> None:
+        """Revoke a token
+
+        token: Number."""
+        return self._request('DELETE', f"/tokens/{urllib.parse.quote(str(token), safe='')}", {}, {}, None)
+
+    def create_verdict(self, body: "VerdictRequest", *, idempotency_key: Optional[str] = None) -> "Judgement":
+        """Hold reports against rules, which become their branch's
+
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/verdicts", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def list_webhooks(self) -> "WebhookList":
+        """Every webhook, without its secret"""
+        return self._request('GET', f"/webhooks", {}, {}, None)
+
+    def create_webhook(self, body: "WebhookRequest", *, idempotency_key: Optional[str] = None) -> "NewWebhook":
+        """Tell an address of a project's verdicts
+
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/webhooks", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def delete_webhook(self, webhook: int) -> None:
+        """Remove a webhook
+
+        webhook: Number."""
+        return self._request('DELETE', f"/webhooks/{urllib.parse.quote(str(webhook), safe='')}", {}, {}, None)
+
+    def list_deliveries(self, webhook: int) -> "DeliveryList":
+        """What a webhook was sent
+
+        webhook: Number."""
+        return self._request('GET', f"/webhooks/{urllib.parse.quote(str(webhook), safe='')}/deliveries", {}, {}, None)

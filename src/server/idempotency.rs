@@ -1,0 +1,141 @@
+//! `Idempotency-Key`: a client that did not hear the answer sends the same request again, and it is done once. Answers of
+//! requests that succeeded are kept for a day, by token and key.
+
+use super::{ApiError, Caller, Service};
+use crate::store::KeptAnswer;
+use axum::{
+    body::{Body, Bytes, to_bytes},
+    extract::State,
+    http::{HeaderName, HeaderValue, Method, Request, StatusCode, header},
+    middleware::Next,
+    response::{IntoResponse as _, Response},
+};
+use sha2::{Digest as _, Sha256};
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+
+const KEY: HeaderName = HeaderName::from_static("idempotency-key");
+const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
+/// Headers that an answer that is given again has too.
+const KEPT_HEADERS: [HeaderName; 2] = [header::CONTENT_TYPE, header::LOCATION];
+/// Larger answers than any POST gives.
+const MAX_ANSWER_BYTES: usize = 16 << 20;
+
+/// Requests with a key that are being done right now, by token and key, with the fingerprint of each.
+#[derive(Default)]
+pub struct InProgress(Mutex<HashMap<(i64, String), [u8; 32]>>);
+
+/// Ends with the request, however that ends.
+struct Mark<'a> {
+    all: &'a InProgress,
+    key: (i64, String),
+}
+
+impl Drop for Mark<'_> {
+    fn drop(&mut self) {
+        self.all.lock().remove(&self.key);
+    }
+}
+
+impl InProgress {
+    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<(i64, String), [u8; 32]>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn begin(&self, key: (i64, String), fingerprint: [u8; 32]) -> Result<Mark<'_>, ApiError> {
+        let mut all = self.lock();
+        match all.get(&key) {
+            Some(other) if *other == fingerprint => {
+                let detail = "a request with this key is being done; ask again in a moment";
+                let error = ApiError::new(StatusCode::CONFLICT, "request_in_progress", detail);
+                Err(error.retry_after(Duration::from_secs(1)))
+            }
+            Some(_) => Err(other_request()),
+            None => {
+                all.insert(key.clone(), fingerprint);
+                Ok(Mark { all: self, key })
+            }
+        }
+    }
+}
+
+fn other_request() -> ApiError {
+    let detail = "this key was used for another request; every request needs a key of its own";
+    ApiError::invalid("idempotency_key_reused", detail).field("idempotency-key")
+}
+
+/// Does a request with a key once.
+pub async fn once(State(service): State<Arc<Service>>, caller: Caller, request: Request<Body>, next: Next) -> Response {
+    if request.method() != Method::POST || !request.headers().contains_key(&KEY) {
+        return next.run(request).await;
+    }
+    match keyed(&service, &caller, request, next).await {
+        Ok(response) => response,
+        Err(error) => error.into_response(),
+    }
+}
+
+async fn keyed(service: &Service, caller: &Caller, request: Request<Body>, next: Next) -> Result<Response, ApiError> {
+    let key = request.headers()[&KEY].to_str().unwrap_or_default().to_owned();
+    if !(1..=200).contains(&key.len()) || !key.bytes().all(|byte| byte.is_ascii_graphic()) {
+        let detail = "an idempotency key has 1 to 200 printable ASCII characters without spaces";
+        return Err(ApiError::new(StatusCode::BAD_REQUEST, "bad_idempotency_key", detail).field("idempotency-key"));
+    }
+    let (parts, body) = request.into_parts();
+    let body = to_bytes(body, service.config.max_json_kib * 1024)
+        .await
+        .map_err(|_| ApiError::body_too_large())?;
+    let fingerprint = fingerprint(&parts.uri.to_string(), &body);
+    let key = (caller.token_id, key);
+    let _mark = service.in_progress.begin(key.clone(), fingerprint)?;
+    if let Some(kept) = service.store.kept_answer(key.0, &key.1).await? {
+        return match kept.fingerprint == fingerprint {
+            true => Ok(replay(kept)),
+            false => Err(other_request()),
+        };
+    }
+    let response = next.run(Request::from_parts(parts, Body::from(body))).await;
+    if !response.status().is_success() {
+        // Nothing was done, so that a client may correct its request and keep the key.
+        return Ok(response);
+    }
+    let (parts, body) = response.into_parts();
+    let body = to_bytes(body, MAX_ANSWER_BYTES).await.map_err(ApiError::internal)?;
+    let headers = KEPT_HEADERS
+        .iter()
+        .filter_map(|name| Some((name.to_string(), parts.headers.get(name)?.to_str().ok()?.to_owned())))
+        .collect();
+    let answer = KeptAnswer {
+        fingerprint,
+        status: parts.status.as_u16(),
+        headers,
+        body: body.to_vec(),
+    };
+    service.store.ingest().keep(key.0, key.1, answer).await?;
+    Ok(Response::from_parts(parts, Body::from(body)))
+}
+
+fn fingerprint(address: &str, body: &Bytes) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    hash.update(address.as_bytes());
+    hash.update([0]);
+    hash.update(body);
+    hash.finalize().into()
+}
+
+fn replay(kept: KeptAnswer) -> Response {
+    let status = StatusCode::from_u16(kept.status).unwrap_or(StatusCode::OK);
+    let mut response = (status, kept.body).into_response();
+    let headers = response.headers_mut();
+    headers.remove(header::CONTENT_TYPE);
+    for (name, value) in kept.headers {
+        if let (Ok(name), Ok(value)) = (HeaderName::try_from(name), HeaderValue::try_from(value)) {
+            headers.insert(name, value);
+        }
+    }
+    headers.insert(REPLAYED, HeaderValue::from_static("true"));
+    response
+}

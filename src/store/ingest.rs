@@ -1,0 +1,322 @@
+//! Group commit: results that many clients post at once are written by one task, as many in a transaction as wait. A
+//! commit then costs one sync of the disk for all of them, and nobody is answered before that sync: what a client was told
+//! is stored survives a power cut.
+
+use super::{
+    FrameReport, MetricSummary, NewReport, Store, StoreError, Timestamp, condense,
+    reading::read_frames,
+    writing::{Memory, Writer},
+};
+use crate::run::report::TimeSummary;
+use sqlx::{Connection as _, Row as _, SqliteConnection, sqlite::SqlitePool};
+use std::{
+    collections::{BTreeMap, HashSet},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering::SeqCst},
+    },
+};
+use tokio::sync::{mpsc, oneshot};
+
+/// How many posts may wait; beyond, the service is busy and says so.
+const MAX_WAITING: usize = 2048;
+/// How many posts one transaction takes; readers see nothing of them before it ends.
+const MAX_BATCH: usize = 256;
+
+/// An answer kept for a client that asks again.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeptAnswer {
+    /// SHA-256 of what was asked.
+    pub fingerprint: [u8; 32],
+    /// HTTP status.
+    pub status: u16,
+    /// Headers worth repeating.
+    pub headers: Vec<(String, String)>,
+    /// Body.
+    pub body: Vec<u8>,
+}
+
+#[derive(Debug)]
+enum Work {
+    Report(Box<NewReport>),
+    Frames(i64, Vec<FrameReport>),
+    Close(i64, BTreeMap<String, u32>),
+    Keep {
+        token_id: i64,
+        key: String,
+        answer: KeptAnswer,
+    },
+}
+
+struct Post {
+    work: Work,
+    reply: oneshot::Sender<Result<i64, StoreError>>,
+}
+
+/// Where results are posted.
+#[derive(Clone)]
+pub struct Ingest {
+    posts: mpsc::Sender<Post>,
+    stale: Arc<AtomicBool>,
+}
+
+impl Ingest {
+    pub(super) fn start(writer: SqlitePool) -> Self {
+        let (posts, waiting) = mpsc::channel(MAX_WAITING);
+        let stale = Arc::new(AtomicBool::new(false));
+        tokio::spawn(run(writer, waiting, Arc::clone(&stale)));
+        Self { posts, stale }
+    }
+
+    /// Someone else wrote reports.
+    pub(super) fn forget(&self) {
+        self.stale.store(true, SeqCst);
+    }
+
+    /// Stores a report; its number.
+    pub async fn report(&self, report: NewReport) -> Result<i64, StoreError> {
+        self.post(Work::Report(Box::new(report))).await
+    }
+
+    /// Adds frames to a report that is not complete.
+    pub async fn frames(&self, report_id: i64, frames: Vec<FrameReport>) -> Result<(), StoreError> {
+        self.post(Work::Frames(report_id, frames)).await.map(drop)
+    }
+
+    /// Summarises a report's frames and makes it complete. `versions` are of metrics that are not known here.
+    pub async fn close(&self, report_id: i64, versions: BTreeMap<String, u32>) -> Result<(), StoreError> {
+        self.post(Work::Close(report_id, versions)).await.map(drop)
+    }
+
+    /// Keeps an answer under a client's key.
+    pub async fn keep(&self, token_id: i64, key: String, answer: KeptAnswer) -> Result<(), StoreError> {
+        self.post(Work::Keep { token_id, key, answer }).await.map(drop)
+    }
+
+    /// How many posts wait.
+    pub fn n_waiting(&self) -> usize {
+        MAX_WAITING - self.posts.capacity()
+    }
+
+    async fn post(&self, work: Work) -> Result<i64, StoreError> {
+        let (reply, answer) = oneshot::channel();
+        self.posts
+            .try_send(Post { work, reply })
+            .map_err(|_| StoreError::Busy)?;
+        answer.await.map_err(|_| StoreError::Busy)?
+    }
+}
+
+async fn run(writer: SqlitePool, mut waiting: mpsc::Receiver<Post>, stale: Arc<AtomicBool>) {
+    let mut desk = Desk::default();
+    let mut batch = Vec::with_capacity(MAX_BATCH);
+    while waiting.recv_many(&mut batch, MAX_BATCH).await > 0 {
+        match desk.write(&writer, &batch, &stale).await {
+            Ok(results) => {
+                for (post, result) in batch.drain(..).zip(results) {
+                    let _ = post.reply.send(result);
+                }
+            }
+            // One post spoils a transaction for all: each gets its own.
+            Err(_) => {
+                for post in batch.drain(..) {
+                    let result = desk.write(&writer, std::slice::from_ref(&post), &stale).await;
+                    let _ = post.reply.send(result.and_then(|mut results| results.remove(0)));
+                }
+            }
+        }
+    }
+}
+
+/// What the task remembers between transactions.
+#[derive(Default)]
+struct Desk {
+    memory: Memory,
+    /// Reports that are known to take frames.
+    open: HashSet<i64>,
+}
+
+impl Desk {
+    /// One transaction. The outer result is the transaction's; inner ones refuse a post without harm to the others.
+    async fn write(
+        &mut self,
+        writer: &SqlitePool,
+        batch: &[Post],
+        stale: &AtomicBool,
+    ) -> Result<Vec<Result<i64, StoreError>>, StoreError> {
+        let mut connection = writer.acquire().await?;
+        if stale.swap(false, SeqCst) {
+            *self = Self::default();
+        }
+        sqlx::query("PRAGMA synchronous = FULL")
+            .execute(&mut *connection)
+            .await?;
+        let written = self.transaction(&mut connection, batch).await;
+        if written.is_err() {
+            *self = Self::default();
+        }
+        sqlx::query("PRAGMA synchronous = NORMAL")
+            .execute(&mut *connection)
+            .await?;
+        written
+    }
+
+    async fn transaction(
+        &mut self,
+        connection: &mut SqliteConnection,
+        batch: &[Post],
+    ) -> Result<Vec<Result<i64, StoreError>>, StoreError> {
+        let mut transaction = connection.begin().await?;
+        let now = Timestamp::now();
+        let mut results = Vec::with_capacity(batch.len());
+        for post in batch {
+            let result = match self.one(&mut transaction, &post.work, now).await {
+                Err(error @ (StoreError::NoReport(_) | StoreError::Closed(_))) => Err(error),
+                other => Ok(other?),
+            };
+            results.push(result);
+        }
+        self.writer(&mut transaction, now).end().await?;
+        transaction.commit().await?;
+        Ok(results)
+    }
+
+    fn writer<'a>(&'a mut self, connection: &'a mut SqliteConnection, now: Timestamp) -> Writer<'a> {
+        Writer {
+            connection,
+            memory: &mut self.memory,
+            now,
+        }
+    }
+
+    async fn one(&mut self, connection: &mut SqliteConnection, work: &Work, now: Timestamp) -> Result<i64, StoreError> {
+        match work {
+            Work::Report(report) => {
+                let id = self.writer(connection, now).report(report).await?;
+                if !report.complete {
+                    self.open.insert(id);
+                }
+                Ok(id)
+            }
+            Work::Frames(report_id, frames) => {
+                if !self.open.contains(report_id) {
+                    must_be_open(connection, *report_id).await?;
+                    self.open.insert(*report_id);
+                }
+                self.writer(connection, now).frames(*report_id, frames).await?;
+                Ok(*report_id)
+            }
+            Work::Close(report_id, versions) => {
+                must_be_open(connection, *report_id).await?;
+                self.open.remove(report_id);
+                self.close(connection, *report_id, versions, now).await?;
+                Ok(*report_id)
+            }
+            Work::Keep { token_id, key, answer } => {
+                keep(connection, *token_id, key, answer, now).await?;
+                Ok(0)
+            }
+        }
+    }
+
+    async fn close(
+        &mut self,
+        connection: &mut SqliteConnection,
+        report_id: i64,
+        versions: &BTreeMap<String, u32>,
+        now: Timestamp,
+    ) -> Result<(), StoreError> {
+        let frames = read_frames(connection, report_id).await?;
+        let (metrics, times_ms): (BTreeMap<String, MetricSummary>, BTreeMap<String, TimeSummary>) =
+            condense(&frames, versions);
+        let gpu_time_ms = super::model::gpu_time_ms(&times_ms);
+        let row = sqlx::query(
+            "UPDATE reports SET complete = 1, metrics = ?, times_ms = ?, gpu_time_ms = ? WHERE id = ?
+             RETURNING series_id, branch_id",
+        )
+        .bind(serde_json::to_string(&metrics)?)
+        .bind(serde_json::to_string(&times_ms)?)
+        .bind(gpu_time_ms)
+        .bind(report_id)
+        .fetch_one(&mut *connection)
+        .await?;
+        let (series_id, branch_id) = (row.try_get("series_id")?, row.try_get("branch_id")?);
+        let values = metrics
+            .iter()
+            .map(|(metric, found)| (metric.as_str(), found.summary.mean, found.version));
+        let values = values.chain(gpu_time_ms.map(|ms| (super::GPU_TIME, crate::metrics::Value(ms), 0)));
+        self.writer(connection, now)
+            .points(series_id, report_id, branch_id, true, values)
+            .await
+    }
+}
+
+async fn must_be_open(connection: &mut SqliteConnection, report_id: i64) -> Result<(), StoreError> {
+    let complete: Option<bool> = sqlx::query_scalar("SELECT complete FROM reports WHERE id = ?")
+        .bind(report_id)
+        .fetch_optional(connection)
+        .await?;
+    match complete {
+        None => Err(StoreError::NoReport(report_id)),
+        Some(true) => Err(StoreError::Closed(report_id)),
+        Some(false) => Ok(()),
+    }
+}
+
+async fn keep(
+    connection: &mut SqliteConnection,
+    token_id: i64,
+    key: &str,
+    answer: &KeptAnswer,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO idempotency_keys (token_id, key, fingerprint, status, headers, body, created_at)
+         VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+    )
+    .bind(token_id)
+    .bind(key)
+    .bind(answer.fingerprint.as_slice())
+    .bind(answer.status)
+    .bind(serde_json::to_string(&answer.headers)?)
+    .bind(answer.body.as_slice())
+    .bind(now)
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
+impl Store {
+    /// The answer kept under a client's key.
+    pub async fn kept_answer(&self, token_id: i64, key: &str) -> Result<Option<KeptAnswer>, StoreError> {
+        let row = sqlx::query(
+            "SELECT fingerprint, status, headers, body FROM idempotency_keys WHERE token_id = ? AND key = ?",
+        )
+        .bind(token_id)
+        .bind(key)
+        .fetch_optional(&self.readers)
+        .await?;
+        let Some(row) = row else { return Ok(None) };
+        let fingerprint: Vec<u8> = row.try_get("fingerprint")?;
+        Ok(Some(KeptAnswer {
+            fingerprint: fingerprint.try_into().unwrap_or([0; 32]),
+            status: row.try_get("status")?,
+            headers: serde_json::from_str(row.try_get("headers")?)?,
+            body: row.try_get("body")?,
+        }))
+    }
+
+    /// Forgets answers kept before `deadline`, and reports left incomplete since then with their frames.
+    pub async fn forget_before(&self, deadline: Timestamp) -> Result<(), StoreError> {
+        sqlx::query("DELETE FROM idempotency_keys WHERE created_at < ?")
+            .bind(deadline)
+            .execute(&self.writer)
+            .await?;
+        sqlx::query("DELETE FROM reports WHERE NOT complete AND created_at < ?")
+            .bind(deadline)
+            .execute(&self.writer)
+            .await?;
+        self.ingest.forget();
+        Ok(())
+    }
+}

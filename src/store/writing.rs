@@ -1,0 +1,523 @@
+//! Writing reports. Names and lines are rows of small tables that hardly ever change, so their numbers are remembered
+//! between reports; what remains for a report are its own row, one chunk of frames, and a point a metric.
+
+use super::{
+    Claim, Departure, Environment, GPU_TIME, NewReport, Provenance, Store, StoreError, Subject, System, SystemKind,
+    Timestamp, TrendPoint,
+    columns::{self, Layout},
+    trend, value,
+};
+use crate::{
+    metrics::Value,
+    run::report::{FrameReport, Report},
+    taa::validation::Validation,
+};
+use sqlx::SqliteConnection;
+use std::collections::{HashMap, HashSet};
+
+/// How many points of a line and metric are packed into a block.
+pub(super) const BLOCK: u32 = 256;
+
+/// More of anything than this, and the memory starts anew.
+const MAX_REMEMBERED: usize = 20_000;
+
+/// Row numbers that were looked up before. Only what a committed transaction saw may stay.
+#[derive(Default)]
+pub(super) struct Memory {
+    projects: HashMap<String, i64>,
+    branches: HashMap<(i64, String), i64>,
+    metrics: HashMap<String, i64>,
+    layouts: HashMap<Layout, i64>,
+    series: HashMap<String, i64>,
+    /// Points of a line and metric that are in no block yet.
+    loose: HashMap<(i64, i64), u32>,
+    /// The newest report of each line, to be noted when the transaction ends.
+    latest: HashMap<i64, i64>,
+}
+
+impl Memory {
+    fn bound(&mut self) {
+        let n = self.branches.len() + self.layouts.len() + self.series.len() + self.loose.len() + self.metrics.len();
+        if n > MAX_REMEMBERED {
+            *self = Self {
+                latest: std::mem::take(&mut self.latest),
+                ..Self::default()
+            };
+        }
+    }
+}
+
+/// Writes reports within one transaction.
+pub(super) struct Writer<'a> {
+    pub connection: &'a mut SqliteConnection,
+    pub memory: &'a mut Memory,
+    pub now: Timestamp,
+}
+
+/// The row of a name, made at its first use. The update changes nothing; it makes `RETURNING` speak.
+macro_rules! named {
+    ($writer:ident, $table:literal, $name:expr) => {
+        sqlx::query_scalar(concat!(
+            "INSERT INTO ",
+            $table,
+            " (name) VALUES (?) ON CONFLICT (name) DO UPDATE SET name = name RETURNING id"
+        ))
+        .bind($name)
+        .fetch_one(&mut *$writer.connection)
+        .await?
+    };
+}
+
+impl Writer<'_> {
+    /// Stores a report; its number.
+    pub async fn report(&mut self, report: &NewReport) -> Result<i64, StoreError> {
+        self.memory.bound();
+        let project_id = self.project(&report.project).await?;
+        let branch_id = self.branch(project_id, &report.provenance).await?;
+        let series_id = self.series(project_id, report).await?;
+        let origin = &report.provenance;
+        let report_id: i64 = sqlx::query_scalar(
+            "INSERT INTO reports (job_id, preset_index, series_id, branch_id, git_commit, parent_commit, pull_request,
+                                  engine_version, label, labels, revision, notes, stages_ms, metrics, times_ms,
+                                  gpu_time_ms, complete, created_at)
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id",
+        )
+        .bind(report.job.map(|(job_id, _)| job_id))
+        .bind(report.job.map_or(0, |(_, index)| index as i64))
+        .bind(series_id)
+        .bind(branch_id)
+        .bind(&origin.commit)
+        .bind(&origin.parent)
+        .bind(&origin.pull_request)
+        .bind(&origin.engine_version)
+        .bind(&origin.label)
+        .bind(serde_json::to_string(&origin.labels)?)
+        .bind(&report.revision)
+        .bind(serde_json::to_string(&report.notes)?)
+        .bind(serde_json::to_string(&report.stages_ms)?)
+        .bind(serde_json::to_string(&report.metrics)?)
+        .bind(serde_json::to_string(&report.times_ms)?)
+        .bind(report.gpu_time_ms())
+        .bind(report.complete)
+        .bind(self.now)
+        .fetch_one(&mut *self.connection)
+        .await?;
+        self.frames(report_id, &report.frames).await?;
+        if let Some(validation) = &report.validation {
+            self.validation(report_id, validation).await?;
+        }
+        if report.complete {
+            let values = report.metrics.iter().map(|(metric, found)| {
+                let value = found.summary.mean;
+                (metric.as_str(), value, found.version)
+            });
+            let values = values.chain(report.gpu_time_ms().map(|ms| (GPU_TIME, Value(ms), 0)));
+            self.points(series_id, report_id, branch_id, false, values).await?;
+        }
+        Ok(report_id)
+    }
+
+    /// Adds frames to a report.
+    pub async fn frames(&mut self, report_id: i64, frames: &[FrameReport]) -> Result<(), StoreError> {
+        if frames.is_empty() {
+            return Ok(());
+        }
+        let mut seen = HashSet::with_capacity(frames.len());
+        if let Some(frame) = frames.iter().find(|frame| !seen.insert(frame.index)) {
+            return Err(StoreError::RepeatedFrame(frame.index));
+        }
+        let layout = Layout::of(frames);
+        let data = layout.pack(frames);
+        let layout_id = self.layout(layout).await?;
+        sqlx::query("INSERT INTO frame_chunks (report_id, layout_id, data) VALUES (?, ?, ?)")
+            .bind(report_id)
+            .bind(layout_id)
+            .bind(data)
+            .execute(&mut *self.connection)
+            .await?;
+        Ok(())
+    }
+
+    async fn validation(&mut self, report_id: i64, validation: &Validation) -> Result<(), StoreError> {
+        let mut summary = validation.clone();
+        let frames = std::mem::take(&mut summary.frames);
+        sqlx::query("INSERT INTO validations (report_id, agrees, summary, frames) VALUES (?, ?, ?, ?)")
+            .bind(report_id)
+            .bind(validation.agrees)
+            .bind(serde_json::to_string(&summary)?)
+            .bind(serde_json::to_string(&frames)?)
+            .execute(&mut *self.connection)
+            .await?;
+        Ok(())
+    }
+
+    /// The numbers that stand for a complete report; `late` where reports with higher numbers may have been before.
+    pub async fn points(
+        &mut self,
+        series_id: i64,
+        report_id: i64,
+        branch_id: Option<i64>,
+        late: bool,
+        values: impl Iterator<Item = (&str, Value, u32)>,
+    ) -> Result<(), StoreError> {
+        for (metric, value, version) in values {
+            let metric_id = self.metric(metric).await?;
+            sqlx::query(
+                "INSERT INTO points (series_id, metric_id, report_id, branch_id, created_at, version, value)
+                 VALUES (?, ?, ?, ?, ?, ?, ?)",
+            )
+            .bind(series_id)
+            .bind(metric_id)
+            .bind(report_id)
+            .bind(branch_id.unwrap_or(0))
+            .bind(self.now)
+            .bind(version)
+            .bind(Some(value.0).filter(|value| !value.is_nan()))
+            .execute(&mut *self.connection)
+            .await?;
+            let point = TrendPoint {
+                report_id,
+                branch_id: branch_id.unwrap_or(0),
+                created_at: self.now,
+                value,
+                metric_version: version,
+            };
+            if !(late && self.late_point(series_id, metric_id, point).await?) {
+                self.count(series_id, metric_id).await?;
+            }
+        }
+        self.memory.latest.insert(series_id, report_id);
+        Ok(())
+    }
+
+    /// Adds a point to the block that its report's number falls into, where frames came one by one while other reports
+    /// went past. Gives whether there is such a block.
+    async fn late_point(&mut self, series_id: i64, metric_id: i64, point: TrendPoint) -> Result<bool, StoreError> {
+        let block: Option<(i64, Vec<u8>)> = sqlx::query_as(
+            "SELECT last_report_id, data FROM point_blocks
+             WHERE series_id = ? AND metric_id = ? AND last_report_id > ? ORDER BY last_report_id LIMIT 1",
+        )
+        .bind(series_id)
+        .bind(metric_id)
+        .bind(point.report_id)
+        .fetch_optional(&mut *self.connection)
+        .await?;
+        let Some((last_report_id, data)) = block else {
+            return Ok(false);
+        };
+        let mut points = Vec::new();
+        columns::unpack_points(&data, &mut points);
+        let place = points.partition_point(|other| other.report_id < point.report_id);
+        points.insert(place, point);
+        sqlx::query("UPDATE point_blocks SET data = ? WHERE series_id = ? AND metric_id = ? AND last_report_id = ?")
+            .bind(columns::pack_points(&points))
+            .bind(series_id)
+            .bind(metric_id)
+            .bind(last_report_id)
+            .execute(&mut *self.connection)
+            .await?;
+        Ok(true)
+    }
+
+    /// Packs the loose points of a line once they fill a block.
+    async fn count(&mut self, series_id: i64, metric_id: i64) -> Result<(), StoreError> {
+        let key = (series_id, metric_id);
+        let n_loose = match self.memory.loose.get(&key) {
+            Some(n_loose) => n_loose + 1,
+            None => trend::count_loose(self.connection, series_id, metric_id).await?,
+        };
+        if n_loose < BLOCK {
+            self.memory.loose.insert(key, n_loose);
+            return Ok(());
+        }
+        self.memory.loose.remove(&key);
+        let points: Vec<TrendPoint> = trend::loose(self.connection, series_id, metric_id).await?;
+        let Some(last) = points.last() else { return Ok(()) };
+        sqlx::query("INSERT INTO point_blocks (series_id, metric_id, last_report_id, data) VALUES (?, ?, ?, ?)")
+            .bind(series_id)
+            .bind(metric_id)
+            .bind(last.report_id)
+            .bind(columns::pack_points(&points))
+            .execute(&mut *self.connection)
+            .await?;
+        Ok(())
+    }
+
+    /// Notes the newest report of each line; the last thing in a transaction.
+    pub async fn end(&mut self) -> Result<(), StoreError> {
+        for (series_id, report_id) in std::mem::take(&mut self.memory.latest) {
+            sqlx::query("UPDATE series SET latest_report_id = max(?1, ifnull(latest_report_id, 0)) WHERE id = ?2")
+                .bind(report_id)
+                .bind(series_id)
+                .execute(&mut *self.connection)
+                .await?;
+        }
+        Ok(())
+    }
+
+    /// The row of a project, made at its first use.
+    pub async fn project(&mut self, name: &str) -> Result<i64, StoreError> {
+        if let Some(&id) = self.memory.projects.get(name) {
+            return Ok(id);
+        }
+        let id = sqlx::query_scalar(
+            "INSERT INTO projects (name, created_at) VALUES (?, ?)
+             ON CONFLICT (name) DO UPDATE SET name = name RETURNING id",
+        )
+        .bind(name)
+        .bind(self.now)
+        .fetch_one(&mut *self.connection)
+        .await?;
+        self.memory.projects.insert(name.to_owned(), id);
+        Ok(id)
+    }
+
+    /// The row of a report's branch, made at its first report, which is also the one that may say where it departed.
+    async fn branch(&mut self, project_id: i64, origin: &Provenance) -> Result<Option<i64>, StoreError> {
+        let Some(name) = &origin.branch else { return Ok(None) };
+        let key = (project_id, name.clone());
+        if let Some(&id) = self.memory.branches.get(&key) {
+            return Ok(Some(id));
+        }
+        let known: Option<i64> = sqlx::query_scalar("SELECT id FROM branches WHERE project_id = ? AND name = ?")
+            .bind(project_id)
+            .bind(name)
+            .fetch_optional(&mut *self.connection)
+            .await?;
+        let id = match known {
+            Some(id) => id,
+            None => self.new_branch(project_id, name, origin.from.as_ref()).await?,
+        };
+        self.memory.branches.insert(key, id);
+        Ok(Some(id))
+    }
+
+    async fn new_branch(&mut self, project_id: i64, name: &str, from: Option<&Departure>) -> Result<i64, StoreError> {
+        let (branch, commit) = from.map_or((None, None), |from| (Some(&from.branch), from.commit.as_ref()));
+        // Without a commit that is known here, the parent's newest report is where they part.
+        let id = sqlx::query_scalar(
+            "WITH parent AS (SELECT id FROM branches WHERE project_id = ?1 AND name = ?3 AND name <> ?2)
+             INSERT INTO branches (project_id, name, parent_id, departed_commit, departed_report_id, created_at)
+             VALUES (?1, ?2, (SELECT id FROM parent), ?4,
+                     coalesce((SELECT max(id) FROM reports WHERE git_commit = ?4
+                               AND branch_id = (SELECT id FROM parent)), (SELECT max(id) FROM reports), 0), ?5)
+             RETURNING id",
+        )
+        .bind(project_id)
+        .bind(name)
+        .bind(branch)
+        .bind(commit)
+        .bind(self.now)
+        .fetch_one(&mut *self.connection)
+        .await?;
+        Ok(id)
+    }
+
+    async fn metric(&mut self, name: &str) -> Result<i64, StoreError> {
+        if let Some(&id) = self.memory.metrics.get(name) {
+            return Ok(id);
+        }
+        let id = named!(self, "metrics", name);
+        self.memory.metrics.insert(name.to_owned(), id);
+        Ok(id)
+    }
+
+    async fn layout(&mut self, layout: Layout) -> Result<i64, StoreError> {
+        if let Some(&id) = self.memory.layouts.get(&layout) {
+            return Ok(id);
+        }
+        let id = sqlx::query_scalar(
+            "INSERT INTO frame_layouts (metrics, passes) VALUES (?, ?)
+             ON CONFLICT (metrics, passes) DO UPDATE SET passes = passes RETURNING id",
+        )
+        .bind(serde_json::to_string(&layout.metrics)?)
+        .bind(serde_json::to_string(&layout.passes)?)
+        .fetch_one(&mut *self.connection)
+        .await?;
+        self.memory.layouts.insert(layout, id);
+        Ok(id)
+    }
+
+    /// The line that a report belongs to, made at its first report.
+    async fn series(&mut self, project_id: i64, report: &NewReport) -> Result<i64, StoreError> {
+        let (system, environment) = (&report.system, &report.environment);
+        let key = serde_json::to_string(&(
+            project_id,
+            format!("{:?}", report.subject),
+            (system.kind, &system.name, system.history, &system.parameters),
+            environment,
+        ))?;
+        if let Some(&id) = self.memory.series.get(&key) {
+            return Ok(id);
+        }
+        let subject_id = self.subject(&report.subject).await?;
+        let variant_id = self.variant(system).await?;
+        let environment_id = self.environment(environment).await?;
+        let id = sqlx::query_scalar(
+            "INSERT INTO series (project_id, subject_id, variant_id, environment_id) VALUES (?, ?, ?, ?)
+             ON CONFLICT DO UPDATE SET project_id = project_id RETURNING id",
+        )
+        .bind(project_id)
+        .bind(subject_id)
+        .bind(variant_id)
+        .bind(environment_id)
+        .fetch_one(&mut *self.connection)
+        .await?;
+        self.memory.series.insert(key, id);
+        Ok(id)
+    }
+
+    async fn subject(&mut self, subject: &Subject) -> Result<i64, StoreError> {
+        let id = match subject {
+            Subject::Sequence(sequence_id) => {
+                sqlx::query_scalar(
+                    "INSERT INTO subjects (sequence_id) VALUES (?)
+                     ON CONFLICT (sequence_id) DO UPDATE SET sequence_id = sequence_id RETURNING id",
+                )
+                .bind(sequence_id)
+                .fetch_one(&mut *self.connection)
+                .await?
+            }
+            Subject::Named(name) => named!(self, "subjects", name),
+        };
+        Ok(id)
+    }
+
+    async fn variant(&mut self, system: &System) -> Result<i64, StoreError> {
+        let history = system.history.map(value::precision_id);
+        let id = sqlx::query_scalar(
+            "INSERT INTO variants (kind, preset, history, parameters, overrides) VALUES (?, ?, ?, ?, ?)
+             ON CONFLICT (kind, preset, ifnull(history, ''), parameters) DO UPDATE SET preset = preset RETURNING id",
+        )
+        .bind(system.kind)
+        .bind(&system.name)
+        .bind(history)
+        .bind(system.parameters.to_string())
+        .bind(system.overrides.to_string())
+        .fetch_one(&mut *self.connection)
+        .await?;
+        Ok(id)
+    }
+
+    async fn environment(&mut self, environment: &Environment) -> Result<i64, StoreError> {
+        let adapter = &environment.adapter;
+        let adapter_id: i64 = sqlx::query_scalar(
+            "INSERT INTO adapters (name, backend, kind, driver, driver_version) VALUES (?, ?, ?, ?, ?)
+             ON CONFLICT DO UPDATE SET name = name RETURNING id",
+        )
+        .bind(&adapter.name)
+        .bind(&adapter.backend)
+        .bind(&adapter.kind)
+        .bind(&adapter.driver)
+        .bind(&adapter.driver_version)
+        .fetch_one(&mut *self.connection)
+        .await?;
+        let id = sqlx::query_scalar(
+            "INSERT INTO environments (adapter_id, os, clocks) VALUES (?, ?, ?)
+             ON CONFLICT DO UPDATE SET os = os RETURNING id",
+        )
+        .bind(adapter_id)
+        .bind(&environment.os)
+        .bind(&environment.clocks)
+        .fetch_one(&mut *self.connection)
+        .await?;
+        Ok(id)
+    }
+}
+
+impl Store {
+    /// Stores the reports of every preset and ends the job; gives the reports' numbers, in the order of presets.
+    pub async fn finish(
+        &self,
+        claim: &Claim,
+        report: &Report,
+        environment: &Environment,
+        now: Timestamp,
+    ) -> Result<Vec<i64>, StoreError> {
+        let mut transaction = self.writer.begin().await?;
+        let done = sqlx::query(
+            "UPDATE jobs SET status = 'done', lease_until = NULL, finished_at = ?1, n_done = ?4, n_total = ?4
+             WHERE id = ?2 AND lease = ?3 AND status = 'running'",
+        )
+        .bind(now)
+        .bind(claim.job_id)
+        .bind(claim.lease)
+        // A short job may end before its progress was ever stored.
+        .bind(
+            report
+                .reports
+                .iter()
+                .map(|preset| {
+                    let validated = preset
+                        .validation
+                        .as_ref()
+                        .map_or(0, |validation| validation.frames.len());
+                    (preset.frames.len() + validated) as i64
+                })
+                .sum::<i64>(),
+        )
+        .execute(&mut *transaction)
+        .await?;
+        if done.rows_affected() == 0 {
+            return Err(StoreError::ClaimLost(claim.job_id));
+        }
+        let mut memory = Memory::default();
+        let mut writer = Writer {
+            connection: &mut transaction,
+            memory: &mut memory,
+            now,
+        };
+        let mut ids = Vec::with_capacity(report.reports.len());
+        for index in 0..report.reports.len() {
+            ids.push(writer.report(&of_job(claim, report, index, environment)?).await?);
+        }
+        writer.end().await?;
+        // The ingest counts loose points on its own and must not miss these; said while the connection is still ours.
+        self.ingest.forget();
+        transaction.commit().await?;
+        Ok(ids)
+    }
+}
+
+/// One preset of a job as a report.
+fn of_job(claim: &Claim, report: &Report, index: usize, environment: &Environment) -> Result<NewReport, StoreError> {
+    let preset = &report.reports[index];
+    let overrides = claim.spec.run.presets.get(index).map(|spec| &spec.parameters);
+    let version = |metric: &String| report.metric_versions.get(metric).copied().unwrap_or(0);
+    let (kind, history) = match &claim.spec.outputs {
+        None => (SystemKind::Recipe, Some(claim.spec.run.history)),
+        Some(_) => (SystemKind::External, None),
+    };
+    Ok(NewReport {
+        job: Some((claim.job_id, index)),
+        project: claim.project.clone(),
+        subject: Subject::Sequence(claim.sequence_id),
+        system: System {
+            kind,
+            name: preset.preset.clone(),
+            history,
+            parameters: preset.parameters.clone(),
+            overrides: serde_json::to_value(overrides)?,
+        },
+        environment: match &claim.spec.outputs {
+            None => environment.clone(),
+            Some(outputs) => outputs.environment.clone(),
+        },
+        provenance: claim.provenance.clone(),
+        revision: report.revision.clone(),
+        notes: preset.notes.clone(),
+        stages_ms: report.stages_ms.clone(),
+        metrics: preset
+            .summary
+            .iter()
+            .map(|(metric, &summary)| {
+                let version = version(metric);
+                (metric.clone(), super::MetricSummary { version, summary })
+            })
+            .collect(),
+        times_ms: preset.times_ms.clone(),
+        frames: preset.frames.clone(),
+        validation: preset.validation.clone(),
+        complete: true,
+    })
+}

@@ -1,0 +1,270 @@
+//! Where a series changes its level: E-divisive.
+//!
+//! A series is cut where the two parts differ most by energy distance, the cut is kept if chance seldom makes one as good
+//! (the values of a part shuffled among themselves), and the parts are cut again. Cuts whose step is smaller than asked
+//! for are taken back, the smallest first. Matteson and James, "A Nonparametric Approach for Multiple Change Point
+//! Analysis of Multivariate Data", 2014, with α = 1.
+
+use super::{ChangeRule, random::Random};
+use crate::run::median;
+
+/// Shuffles that a significance test makes: the smallest probability that can be told is 0.002.
+const N_SHUFFLES: usize = 499;
+const N_RESAMPLES: usize = 1000;
+/// Any number; it makes verdicts repeatable.
+const SEED: u64 = 0x5eed_0af7_e131_4a9e;
+
+/// A change of level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChangePoint {
+    /// The first value of the new level.
+    pub index: usize,
+    /// The probability that chance made a cut as good.
+    pub p: f64,
+    /// Median before, back to the change before.
+    pub before: f64,
+    /// Median after, up to the next change.
+    pub after: f64,
+}
+
+/// The changes of level in `values`, oldest first. Values that are not finite count as the largest or smallest finite one.
+pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
+    let values = finite(values);
+    let mut cuts = Vec::new();
+    // Start and end of each part that is still to be cut.
+    let mut waiting = vec![(0, values.len())];
+    while let Some((start, end)) = waiting.pop() {
+        let Some((offset, p)) = cut(&values[start..end], rule) else {
+            continue;
+        };
+        let index = start + offset;
+        cuts.push((index, p));
+        waiting.extend([(start, index), (index, end)]);
+    }
+    cuts.sort_by_key(|(index, _)| *index);
+    loop {
+        let found = levels(&values, &cuts);
+        let step = |point: &ChangePoint| {
+            (point.after - point.before).abs() / rule.min_effect.of(point.before).max(f64::MIN_POSITIVE)
+        };
+        let smallest = found
+            .iter()
+            .enumerate()
+            .min_by(|(_, a), (_, b)| step(a).total_cmp(&step(b)));
+        match smallest {
+            Some((position, point)) if step(point) < 1.0 => drop(cuts.remove(position)),
+            _ => return found,
+        }
+    }
+}
+
+/// The values with infinities pulled in; NaN takes the place of the value before.
+fn finite(values: &[f64]) -> Vec<f64> {
+    let known = || values.iter().copied().filter(|value| value.is_finite());
+    let (low, high) = (
+        known().fold(f64::INFINITY, f64::min),
+        known().fold(f64::NEG_INFINITY, f64::max),
+    );
+    if low > high {
+        return vec![0.0; values.len()];
+    }
+    let mut last = known().next().unwrap_or(0.0);
+    let mut kept = |value: f64| {
+        last = if value.is_nan() { last } else { value.clamp(low, high) };
+        last
+    };
+    values.iter().map(|&value| kept(value)).collect()
+}
+
+fn levels(values: &[f64], cuts: &[(usize, f64)]) -> Vec<ChangePoint> {
+    let bound = |position: usize| cuts.get(position).map_or(values.len(), |(index, _)| *index);
+    let start = |position: usize| if position == 0 { 0 } else { bound(position - 1) };
+    cuts.iter()
+        .enumerate()
+        .map(|(position, &(index, p))| ChangePoint {
+            index,
+            p,
+            before: median(&values[start(position)..index]),
+            after: median(&values[index..bound(position + 1)]),
+        })
+        .collect()
+}
+
+/// The best cut of a part, if chance seldom makes one as good.
+fn cut(values: &[f64], rule: &ChangeRule) -> Option<(usize, f64)> {
+    let (index, energy) = best_cut(values, rule.min_segment)?;
+    if energy <= 0.0 {
+        return None;
+    }
+    let mut random = Random::new(SEED);
+    let mut shuffled = values.to_vec();
+    // Once so many shuffles are as good, the cut is lost whatever the others are.
+    let allowed = (rule.p * (N_SHUFFLES + 1) as f64) as usize;
+    let mut n_as_good = 1;
+    for _ in 0..N_SHUFFLES {
+        random.shuffle(&mut shuffled);
+        if best_cut(&shuffled, rule.min_segment).is_some_and(|(_, other)| other >= energy) {
+            n_as_good += 1;
+            if n_as_good > allowed {
+                return None;
+            }
+        }
+    }
+    Some((index, n_as_good as f64 / (N_SHUFFLES + 1) as f64))
+}
+
+/// The start of the right part of the best cut: that with the largest scaled energy distance between what is left of it
+/// and what is right of it, up to where the right part is best ended. A level that soon falls back is found so.
+fn best_cut(values: &[f64], min: usize) -> Option<(usize, f64)> {
+    let n = values.len();
+    if n < 2 * min {
+        return None;
+    }
+    let sums = DistanceSums::new(values);
+    let mut best: Option<(usize, f64)> = None;
+    for cut in min..=n - min {
+        for end in cut + min..=n {
+            let energy = sums.energy(cut, end);
+            if best.is_none_or(|(_, other)| energy > other) {
+                best = Some((cut, energy));
+            }
+        }
+    }
+    best
+}
+
+/// Sums of |a − b| over the first values on either side: row × column.
+struct DistanceSums {
+    n: usize,
+    sums: Vec<f64>,
+}
+
+impl DistanceSums {
+    fn new(values: &[f64]) -> Self {
+        let n = values.len();
+        let mut sums = vec![0.0; (n + 1) * (n + 1)];
+        for (row, a) in values.iter().enumerate() {
+            let (above, here) = sums.split_at_mut((row + 1) * (n + 1));
+            let above = &above[row * (n + 1)..];
+            let mut along = 0.0;
+            for (column, b) in values.iter().enumerate() {
+                along += (a - b).abs();
+                here[column + 1] = above[column + 1] + along;
+            }
+        }
+        Self { n, sums }
+    }
+
+    fn at(&self, rows: usize, columns: usize) -> f64 {
+        self.sums[rows * (self.n + 1) + columns]
+    }
+
+    /// Between the values before `cut` and those from there to `end`.
+    fn energy(&self, cut: usize, end: usize) -> f64 {
+        let (n_left, n_right) = (cut as f64, (end - cut) as f64);
+        let left = self.at(cut, cut);
+        let across = self.at(cut, end) - left;
+        let right = self.at(end, end) - 2.0 * across - left;
+        // Each pair of a side is in its sum twice, as it is among its n (n - 1) ordered pairs.
+        let ordered_pairs = |n: f64| (n * (n - 1.0)).max(1.0);
+        let between = 2.0 * across / (n_left * n_right);
+        n_left * n_right / (n_left + n_right)
+            * (between - left / ordered_pairs(n_left) - right / ordered_pairs(n_right))
+    }
+}
+
+/// The step between two levels, `after` − `before` by medians, with its 95 % interval by resampling.
+pub fn effect(before: &[f64], after: &[f64]) -> (f64, f64, f64) {
+    let (before, after) = (finite(before), finite(after));
+    let step = median(&after) - median(&before);
+    if before.is_empty() || after.is_empty() {
+        return (step, step, step);
+    }
+    let mut random = Random::new(SEED);
+    let mut resample = |values: &[f64]| {
+        let drawn: Vec<f64> = values.iter().map(|_| values[random.below(values.len())]).collect();
+        median(&drawn)
+    };
+    let mut steps: Vec<f64> = (0..N_RESAMPLES).map(|_| resample(&after) - resample(&before)).collect();
+    steps.sort_by(f64::total_cmp);
+    (step, steps[N_RESAMPLES / 40], steps[N_RESAMPLES - 1 - N_RESAMPLES / 40])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::Tolerance;
+
+    /// Noise of about ±1 % around levels.
+    fn series(levels: &[(usize, f64)], seed: u64) -> Vec<f64> {
+        let mut random = Random::new(seed);
+        let mut noise = || (random.below(1000) as f64 + random.below(1000) as f64 - 999.0) / 100_000.0;
+        let values = levels.iter().flat_map(|&(n, level)| std::iter::repeat_n(level, n));
+        values.map(|level| level * (1.0 + noise())).collect()
+    }
+
+    #[test]
+    fn steps_are_found_where_they_are() {
+        let values = series(&[(30, 1.0), (25, 1.1), (20, 1.04)], 3);
+        let found = change_points(&values, &ChangeRule::default());
+        let places: Vec<_> = found.iter().map(|point| point.index).collect();
+        assert_eq!(places, [30, 55]);
+        assert!((found[0].after - 1.1).abs() < 0.01 && found[0].p <= 0.01);
+    }
+
+    #[test]
+    fn noise_alone_is_no_change() {
+        // With p = 0.01, one of a hundred series may be cut by chance; its step is then below the least effect.
+        for seed in 0..40 {
+            let found = change_points(&series(&[(80, 5.0)], seed), &ChangeRule::default());
+            assert!(found.is_empty(), "seed {seed}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn one_outlier_and_small_steps_are_not_worth_a_word() {
+        let mut values = series(&[(60, 1.0)], 9);
+        values[40] = 3.0;
+        assert!(change_points(&values, &ChangeRule::default()).is_empty());
+        let values = series(&[(40, 1.0), (40, 1.02)], 4);
+        let found = |min_effect| {
+            change_points(
+                &values,
+                &ChangeRule {
+                    min_effect,
+                    ..ChangeRule::default()
+                },
+            )
+            .len()
+        };
+        assert_eq!(
+            (found(Tolerance::Relative(0.01)), found(Tolerance::Relative(0.05))),
+            (1, 0)
+        );
+        assert_eq!(found(Tolerance::Absolute(0.05)), 0);
+    }
+
+    #[test]
+    fn short_constant_and_odd_series_do_no_harm() {
+        let rule = ChangeRule::default();
+        assert!(change_points(&[], &rule).is_empty());
+        assert!(change_points(&[1.0; 7], &rule).is_empty());
+        assert!(change_points(&[f64::NAN; 20], &rule).is_empty());
+        let mut perfect = vec![f64::INFINITY; 10];
+        perfect.extend([30.0; 10]);
+        perfect.extend([31.0; 10]);
+        assert_eq!(
+            change_points(&perfect, &rule)
+                .iter()
+                .map(|point| point.index)
+                .collect::<Vec<_>>(),
+            [10, 20]
+        );
+    }
+
+    #[test]
+    fn an_interval_holds_the_step() {
+        let (step, low, high) = effect(&series(&[(30, 1.0)], 1), &series(&[(30, 1.1)], 2));
+        assert!(low < step && step < high && (0.09..0.11).contains(&low) && (0.09..0.11).contains(&high));
+    }
+}

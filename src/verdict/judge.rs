@@ -1,0 +1,514 @@
+//! One metric of one line held against its rules.
+//!
+//! What cannot be told is not a failure: a line without an approved result, or whose approved results were made in other
+//! environments, is `unknown` and says so.
+
+use super::{Checks, Rules, change};
+use crate::{
+    metrics::{Better, Value},
+    run::{median, report::FrameReport},
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What became of a check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// It holds.
+    Ok,
+    /// It could not be told: no baseline, too short a history, another environment.
+    Unknown,
+    /// It does not hold.
+    Regression,
+}
+
+/// What kind of check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Against an absolute limit.
+    Limit,
+    /// Against the approved results.
+    Baseline,
+    /// Against the line's own history.
+    Change,
+    /// Whether results come at all.
+    NoData,
+}
+
+impl Kind {
+    /// As the API writes it.
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Limit => "limit",
+            Self::Baseline => "baseline",
+            Self::Change => "change",
+            Self::NoData => "no_data",
+        }
+    }
+}
+
+/// A result that was before.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Past {
+    /// The report.
+    pub report_id: i64,
+    /// Its commit.
+    pub commit: Option<String>,
+    /// The value; of several reports of one commit, their median.
+    pub value: f64,
+    /// Version of the metric.
+    pub version: u32,
+}
+
+/// The approved results of a line.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Approved {
+    /// Values of the same metric version.
+    pub values: Vec<f64>,
+    /// The newest approved report; changes up to it are accepted.
+    pub newest_report_id: Option<i64>,
+    /// There are approved results of the same system and sequence, but of other environments only.
+    pub elsewhere: bool,
+}
+
+/// A metric of a line: what is judged and what it is judged by.
+#[derive(Clone, Debug)]
+pub struct Line<'a> {
+    /// The line.
+    pub series_id: i64,
+    /// Name of its sequence.
+    pub sequence: &'a str,
+    /// Its preset or system.
+    pub recipe: &'a str,
+    /// The metric's id.
+    pub metric: &'a str,
+    /// Values of this run, one a repeat; their median is judged.
+    pub values: &'a [f64],
+    /// Version of the metric in this run.
+    pub version: u32,
+    /// Results of the branch and its past, oldest first, this run's included at the end where they are stored.
+    pub history: &'a [Past],
+    /// What was approved.
+    pub approved: &'a Approved,
+}
+
+/// What was found, as far as it applies.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Finding {
+    /// The value judged: the median of the repeats.
+    pub value: Option<Value>,
+    /// What it was held against.
+    pub limit: Option<Value>,
+    /// How far the value lies from what was before or approved; its sign is the value's change.
+    pub effect: Option<Value>,
+    /// Lower end of the effect's 95 % interval.
+    pub effect_low: Option<Value>,
+    /// Upper end of the effect's 95 % interval.
+    pub effect_high: Option<Value>,
+    /// The first report that is bad.
+    pub first_bad_report: Option<i64>,
+    /// Its commit.
+    pub first_bad_commit: Option<String>,
+    /// The last report that was good.
+    pub last_good_report: Option<i64>,
+    /// Its commit.
+    pub last_good_commit: Option<String>,
+    /// Frames of the judged report that are worst, worst first.
+    pub worst_frames: Vec<usize>,
+}
+
+/// A check and its outcome.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Check {
+    /// The line; none where nothing is stored.
+    pub series_id: Option<i64>,
+    /// Name of its sequence.
+    pub sequence: String,
+    /// Its preset or system.
+    pub recipe: String,
+    /// The metric's id.
+    pub metric: String,
+    /// What kind of check.
+    pub kind: Kind,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// In words.
+    pub detail: String,
+    /// In numbers.
+    pub finding: Finding,
+}
+
+/// The outcome of a whole run: a regression if there is any, else unknown if anything is.
+pub fn overall(checks: &[Check]) -> Outcome {
+    checks
+        .iter()
+        .map(|check| check.outcome)
+        .max()
+        .unwrap_or(Outcome::Unknown)
+}
+
+/// The frames with the worst values of a metric, worst first, at most three; none of a metric of unknown direction.
+pub fn worst_frames(frames: &[FrameReport], metric: &str, better: Option<Better>) -> Vec<usize> {
+    let Some(better) = better else { return Vec::new() };
+    let mut known: Vec<(usize, f64)> = frames
+        .iter()
+        .filter(|frame| !frame.warmup)
+        .filter_map(|frame| Some((frame.index, frame.metrics.get(metric)?.0)))
+        .collect();
+    let badness = |value: f64| match better {
+        _ if value.is_nan() => f64::INFINITY,
+        Better::Higher => -value,
+        Better::Lower => value,
+    };
+    known.sort_by(|a, b| badness(b.1).total_cmp(&badness(a.1)));
+    known.into_iter().take(3).map(|(index, _)| index).collect()
+}
+
+impl Rules {
+    /// Every check that the rules ask of a metric of a line.
+    pub fn judge(&self, line: &Line) -> Vec<Check> {
+        let checks = self.checks(line.sequence, line.recipe, line.metric);
+        let better = checks.better.or_else(|| super::better(line.metric));
+        let judge = Judge {
+            line,
+            better,
+            value: median(line.values),
+        };
+        let mut found = Vec::new();
+        if checks.min.is_some() || checks.max.is_some() {
+            found.push(judge.limits(&checks));
+        }
+        if let Some(tolerance) = checks.baseline {
+            found.push(judge.baseline(tolerance));
+        }
+        if let Some(rule) = &checks.change {
+            found.push(judge.change(rule));
+        }
+        found
+    }
+}
+
+struct Judge<'a> {
+    line: &'a Line<'a>,
+    better: Option<Better>,
+    value: f64,
+}
+
+impl Judge<'_> {
+    fn check(&self, kind: Kind, outcome: Outcome, detail: String, finding: Finding) -> Check {
+        Check {
+            series_id: (self.line.series_id > 0).then_some(self.line.series_id),
+            sequence: self.line.sequence.to_owned(),
+            recipe: self.line.recipe.to_owned(),
+            metric: self.line.metric.to_owned(),
+            kind,
+            outcome,
+            detail,
+            finding: Finding {
+                value: Some(Value(self.value)),
+                ..finding
+            },
+        }
+    }
+
+    /// Not a number is never good enough.
+    fn limits(&self, checks: &Checks) -> Check {
+        let breaks = |value: f64| {
+            let below = checks
+                .min
+                .filter(|min| value.is_nan() || value < *min)
+                .map(|min| (min, "below the least allowed,"));
+            below.or_else(|| {
+                checks
+                    .max
+                    .filter(|max| value.is_nan() || value > *max)
+                    .map(|max| (max, "above the most allowed,"))
+            })
+        };
+        let Some((limit, words)) = breaks(self.value) else {
+            let detail = format!("{} is within its limits", Value(self.value));
+            return self.check(Kind::Limit, Outcome::Ok, detail, Finding::default());
+        };
+        let finding = Finding {
+            limit: Some(Value(limit)),
+            effect: Some(Value(self.value - limit)),
+            ..self.since(|value| breaks(value).is_some())
+        };
+        let detail = format!("{} is {words} {limit}", Value(self.value));
+        self.check(Kind::Limit, Outcome::Regression, detail, finding)
+    }
+
+    fn baseline(&self, tolerance: super::Tolerance) -> Check {
+        let unknown =
+            |detail: &str| self.check(Kind::Baseline, Outcome::Unknown, detail.to_owned(), Finding::default());
+        let approved = &self.line.approved.values;
+        if approved.is_empty() {
+            return unknown(match self.line.approved.elsewhere {
+                true => "environment differs: results are approved in other environments only",
+                false => "no result of this line is approved yet",
+            });
+        }
+        let Some(better) = self.better else {
+            return unknown("which way the metric improves is not known; say `better` in its rule");
+        };
+        let (worst, bound) = match better {
+            Better::Higher => {
+                let worst = approved.iter().copied().fold(f64::INFINITY, f64::min);
+                (worst, worst - tolerance.of(worst))
+            }
+            Better::Lower => {
+                let worst = approved.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                (worst, worst + tolerance.of(worst))
+            }
+        };
+        // An infinite share of infinity is no number; equal infinities are equal.
+        let bound = if worst.is_infinite() { worst } else { bound };
+        let breaks = |value: f64| match better {
+            _ if value.is_nan() => true,
+            Better::Higher => value < bound,
+            Better::Lower => value > bound,
+        };
+        let finding = Finding {
+            limit: Some(Value(bound)),
+            effect: Some(Value(self.value - worst)).filter(|effect| !effect.0.is_nan()),
+            ..Finding::default()
+        };
+        if !breaks(self.value) {
+            let detail = format!("{} is no worse than approved ({})", Value(self.value), Value(worst));
+            return self.check(Kind::Baseline, Outcome::Ok, detail, finding);
+        }
+        let detail = format!("{} is worse than the approved {}", Value(self.value), Value(worst));
+        let finding = Finding {
+            limit: finding.limit,
+            effect: finding.effect,
+            ..self.since(breaks)
+        };
+        self.check(Kind::Baseline, Outcome::Regression, detail, finding)
+    }
+
+    /// First bad and last good: the run of bad results at the end of the history. The last one is this run's, which is bad
+    /// whatever earlier repeats of its commit were.
+    fn since(&self, is_bad: impl Fn(f64) -> bool) -> Finding {
+        let history = self.comparable();
+        let n_bad = history
+            .iter()
+            .rev()
+            .take_while(|past| is_bad(past.value))
+            .count()
+            .max(1);
+        let first_bad = history.len().checked_sub(n_bad).and_then(|at| history.get(at));
+        let last_good = history.len().checked_sub(n_bad + 1).and_then(|at| history.get(at));
+        Finding {
+            first_bad_report: first_bad.map(|past| past.report_id),
+            first_bad_commit: first_bad.and_then(|past| past.commit.clone()),
+            last_good_report: last_good.map(|past| past.report_id),
+            last_good_commit: last_good.and_then(|past| past.commit.clone()),
+            ..Finding::default()
+        }
+    }
+
+    /// Results of the metric's version of this run, back to the last other one.
+    fn comparable(&self) -> &[Past] {
+        let history = self.line.history;
+        let n_equal = history
+            .iter()
+            .rev()
+            .take_while(|past| past.version == self.line.version)
+            .count();
+        &history[history.len() - n_equal..]
+    }
+
+    /// Looks at the newest level that was not approved against the one before it.
+    fn change(&self, rule: &super::ChangeRule) -> Check {
+        let history = self.comparable();
+        let history = &history[history.len().saturating_sub(rule.window)..];
+        let unknown = |detail: String| self.check(Kind::Change, Outcome::Unknown, detail, Finding::default());
+        let needed = 2 * rule.min_segment;
+        if history.len() < needed {
+            return unknown(format!(
+                "{} results are too few to see a change; {needed} are needed",
+                history.len()
+            ));
+        }
+        let Some(better) = self.better else {
+            return unknown("which way the metric improves is not known; say `better` in its rule".to_owned());
+        };
+        let values: Vec<f64> = history.iter().map(|past| past.value).collect();
+        let changes = change::change_points(&values, rule);
+        let accepted = self.line.approved.newest_report_id.unwrap_or(0);
+        let Some(last) = changes.last().filter(|last| history[last.index].report_id > accepted) else {
+            let detail = format!("no new change in {} results", history.len());
+            return self.check(Kind::Change, Outcome::Ok, detail, Finding::default());
+        };
+        let start = changes.len().checked_sub(2).map_or(0, |before| changes[before].index);
+        let (effect, low, high) = change::effect(&values[start..last.index], &values[last.index..]);
+        let (bad, good) = (&history[last.index], &history[last.index - 1]);
+        let finding = Finding {
+            limit: Some(Value(last.before)),
+            effect: Some(Value(effect)),
+            effect_low: Some(Value(low)),
+            effect_high: Some(Value(high)),
+            first_bad_report: Some(bad.report_id),
+            first_bad_commit: bad.commit.clone(),
+            last_good_report: Some(good.report_id),
+            last_good_commit: good.commit.clone(),
+            ..Finding::default()
+        };
+        let worse = (effect > 0.0) == (better == Better::Lower);
+        let (outcome, words) = match worse {
+            true => (Outcome::Regression, "worse"),
+            false => (Outcome::Ok, "better"),
+        };
+        let detail = format!(
+            "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {:.4} to {:.4}, p = {:.3}",
+            last.before, last.after, last.p
+        );
+        self.check(Kind::Change, outcome, detail, finding)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn history(values: &[f64]) -> Vec<Past> {
+        let past = |(i, &value): (usize, &f64)| Past {
+            report_id: i as i64 + 1,
+            commit: Some(format!("c{i}")),
+            value,
+            version: 1,
+        };
+        values.iter().enumerate().map(past).collect()
+    }
+
+    fn judge(rules: &str, metric: &str, values: &[f64], history: &[Past], approved: &Approved) -> Vec<Check> {
+        let line = Line {
+            series_id: 1,
+            sequence: "ship",
+            recipe: "ema",
+            metric,
+            values,
+            version: 1,
+            history,
+            approved,
+        };
+        Rules::parse(rules).unwrap().judge(&line)
+    }
+
+    fn approved(values: &[f64]) -> Approved {
+        Approved {
+            values: values.to_vec(),
+            ..Approved::default()
+        }
+    }
+
+    #[test]
+    fn limits_hold_for_the_median_and_name_the_first_bad_commit() {
+        let rules = "[[rule]]\nmetric = 'psnr'\nmin = 30";
+        let past = history(&[31.0, 32.0, 29.0, 29.5]);
+        let found = judge(rules, "psnr", &[29.5], &past, &Approved::default());
+        assert_eq!(found[0].outcome, Outcome::Regression);
+        let finding = &found[0].finding;
+        assert_eq!(
+            (finding.first_bad_commit.as_deref(), finding.last_good_report),
+            (Some("c2"), Some(2))
+        );
+        let outcome = |values: &[f64]| judge(rules, "psnr", values, &past, &Approved::default())[0].outcome;
+        assert_eq!(outcome(&[10.0, 31.0, 32.0]), Outcome::Ok, "one of three repeats");
+        assert_eq!(outcome(&[30.0]), Outcome::Ok);
+        assert_eq!(
+            outcome(&[f64::NAN]),
+            Outcome::Regression,
+            "not a number is not good enough"
+        );
+        assert_eq!(outcome(&[f64::INFINITY]), Outcome::Ok);
+        assert!(judge(rules, "ssim", &[0.1], &[], &Approved::default()).is_empty());
+    }
+
+    #[test]
+    fn a_baseline_is_a_set_in_one_environment() {
+        let rules = "[[rule]]\nmetric = '*'\nbaseline = '1 %'";
+        let outcome = |metric, value, approved: &Approved| judge(rules, metric, &[value], &[], approved)[0].outcome;
+        assert_eq!(outcome("psnr", 40.0, &Approved::default()), Outcome::Unknown);
+        let set = approved(&[40.0, 38.0]);
+        assert_eq!(
+            outcome("psnr", 37.7, &set),
+            Outcome::Ok,
+            "1 % below the worst of the set"
+        );
+        assert_eq!(outcome("psnr", 37.5, &set), Outcome::Regression);
+        assert_eq!(outcome("flip", 40.3, &set), Outcome::Ok, "lower is better");
+        assert_eq!(outcome("flip", 40.5, &set), Outcome::Regression);
+        assert_eq!(outcome("frobs", 40.0, &set), Outcome::Unknown, "an unknown direction");
+        assert_eq!(outcome("psnr", f64::INFINITY, &approved(&[f64::INFINITY])), Outcome::Ok);
+        assert_eq!(outcome("psnr", 99.0, &approved(&[f64::INFINITY])), Outcome::Regression);
+        let elsewhere = Approved {
+            elsewhere: true,
+            ..Approved::default()
+        };
+        let check = &judge(rules, "psnr", &[40.0], &[], &elsewhere)[0];
+        assert!(
+            check.outcome == Outcome::Unknown && check.detail.starts_with("environment differs"),
+            "{check:?}"
+        );
+    }
+
+    #[test]
+    fn a_change_counts_until_it_is_approved_and_only_for_the_worse() {
+        let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+        let mut values: Vec<f64> = (0..12).map(|i| 1.0 + 0.001 * f64::from(i % 3)).collect();
+        values.extend((0..6).map(|i| 1.2 + 0.001 * f64::from(i % 3)));
+        let past = history(&values);
+        let found = judge(rules, "gpu_time_ms", &[1.2], &past, &Approved::default()).remove(0);
+        assert_eq!(found.outcome, Outcome::Regression, "{found:?}");
+        assert_eq!(
+            (
+                found.finding.first_bad_commit.as_deref(),
+                found.finding.last_good_commit.as_deref()
+            ),
+            (Some("c12"), Some("c11"))
+        );
+        assert!(found.finding.effect_low.unwrap().0 > 0.19 && found.finding.effect_high.unwrap().0 < 0.21);
+        let accepted = Approved {
+            newest_report_id: Some(15),
+            ..Approved::default()
+        };
+        assert_eq!(
+            judge(rules, "gpu_time_ms", &[1.2], &past, &accepted)[0].outcome,
+            Outcome::Ok
+        );
+        values.reverse();
+        assert_eq!(
+            judge(rules, "gpu_time_ms", &[1.0], &history(&values), &Approved::default())[0].outcome,
+            Outcome::Ok
+        );
+        let short = judge(rules, "gpu_time_ms", &[1.2], &past[..5], &Approved::default()).remove(0);
+        assert_eq!(short.outcome, Outcome::Unknown, "{short:?}");
+    }
+
+    #[test]
+    fn values_of_another_version_are_not_compared() {
+        let rules = "[[rule]]\nmetric = 'psnr'\nchange = { min_segment = 2 }";
+        let mut past = history(&[30.0, 30.1, 30.0, 30.1, 20.0, 20.1, 20.0, 20.1]);
+        past[..4].iter_mut().for_each(|past| past.version = 0);
+        assert_eq!(
+            judge(rules, "psnr", &[20.0], &past, &Approved::default())[0].outcome,
+            Outcome::Ok
+        );
+    }
+
+    #[test]
+    fn worst_frames_follow_the_direction() {
+        let frame = |index, value| FrameReport {
+            metrics: [("m".to_owned(), Value(value))].into(),
+            ..FrameReport::empty(index)
+        };
+        let frames = [frame(0, 3.0), frame(1, 1.0), frame(2, f64::NAN), frame(3, 2.0)];
+        assert_eq!(worst_frames(&frames, "m", Some(Better::Higher)), [2, 1, 3]);
+        assert_eq!(worst_frames(&frames, "m", Some(Better::Lower)), [2, 0, 3]);
+        assert!(worst_frames(&frames, "m", None).is_empty());
+    }
+}
