@@ -6,13 +6,19 @@
 //! from the reference and is shared by every image compared with it. Frames are the second of a sequence, so that
 //! temporal metrics have a past.
 //!
+//! `--gpu` prints how long an adapter takes for `psnr` and `ssim`, and for reading both images once.
+//!
 //! `--peers DIR` writes an 8-bit pair as PNG for `script/bench_peers`, and prints our wall times on it.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
 use afterimage::{
+    gpu::{Gpu, Pass, ReadbackPool, Texture, Timer},
     image::{Extent, Image, files::png::write_png},
-    metrics::{Display, Metric, Picture, Reference, Tonemap, Track},
+    metrics::{
+        Display, Metric, Picture, Reference, Tonemap, Track,
+        gpu::{GpuMetrics, Recording, ScoredFrame},
+    },
     sequence::frame::Rgb,
 };
 use rustix::time::{ClockId, clock_gettime};
@@ -42,6 +48,9 @@ const TOGETHER: [Metric; 11] = [
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if arguments == ["--gpu"] {
+        return on_adapter();
+    }
     if let [flag, folder] = &arguments[..]
         && flag == "--peers"
     {
@@ -74,6 +83,13 @@ fn main() -> anyhow::Result<()> {
             "{all:>38.1}{some:>13.1}{none:>14.1}{reference:>12.1}   {}",
             ids.join(" ")
         );
+    }
+    let [reference, test] = pair_of_codes().map(of_codes);
+    for metric in [Metric::PSNR, Metric::SSIM, Metric::FLIP] {
+        let prepared = Reference::new(reference.clone(), &[metric]);
+        let shared = least_cpu_ms(|| drop(black_box(prepared.evaluate(&test))));
+        let whole = least_cpu_ms(|| drop(black_box(Reference::new(reference.clone(), &[metric]).evaluate(&test))));
+        println!("8-bit pair, all differ: {metric} {shared:.1} ms, with the reference {whole:.1} ms");
     }
     let shared = least_cpu_ms(|| frames.judge(&TOGETHER, N_PRESETS, 1));
     let separate = least_cpu_ms(|| frames.judge(&TOGETHER, 1, N_PRESETS));
@@ -168,11 +184,12 @@ fn memory(frames: &Frames) -> anyhow::Result<()> {
     for n_presets in [1, N_PRESETS] {
         fs::write("/proc/self/clear_refs", "5")?;
         let before = resident_bytes("VmRSS")?;
-        let first = Reference::new(frames.before.clone(), &TOGETHER);
+        let mut first = Reference::new(frames.before.clone(), &TOGETHER);
         let mut tracks: Vec<Track> = (0..n_presets).map(|_| Track::new(&TOGETHER)).collect();
         for track in &mut tracks {
             track.score(&first, &frames.before, true)?;
         }
+        first.retire();
         let next = first.follow(frames.reference.clone(), Some(&frames.motion_px));
         drop(first);
         for track in &mut tracks {
@@ -196,14 +213,10 @@ fn resident_bytes(field: &str) -> anyhow::Result<f64> {
 
 /// What `script/bench_peers` compares with other programs: wall times, since those are what one waits for.
 fn peers(folder: &Path) -> anyhow::Result<()> {
-    let codes = [0.0, 0.05].map(|amplitude| {
-        let shown = |pixel: Rgb| DISPLAY.apply(pixel).map(|value| (255.0 * value).round() as u8);
-        scene(1.0, amplitude).map(shown)
-    });
+    let codes = pair_of_codes();
     write_png(&folder.join("reference.png"), &codes[0], &[])?;
     write_png(&folder.join("test.png"), &codes[1], &[])?;
-    let [reference, test] =
-        codes.map(|codes| Picture::codes(codes.map(|pixel| pixel.map(|c| f32::from(c) / 255.0)), 255));
+    let [reference, test] = codes.map(|codes| Picture::codes(codes.map(|pixel| pixel.map(u16::from)), 255));
     for metric in [Metric::PSNR, Metric::SSIM, Metric::FLIP] {
         let mut value = None;
         let tries = (0..N_TRIES).map(|_| {
@@ -215,6 +228,95 @@ fn peers(folder: &Path) -> anyhow::Result<()> {
         let value = value.expect("evaluated").values[metric.id()];
         println!("afterimage {metric} {least:.1} ms {value:.12}");
     }
+    Ok(())
+}
+
+/// An 8-bit reference, and an image that differs from it everywhere.
+fn pair_of_codes() -> [Image<[u8; 3]>; 2] {
+    [0.0, 0.05].map(|amplitude| {
+        let shown = |pixel: Rgb| DISPLAY.apply(pixel).map(|value| (255.0 * value).round() as u8);
+        scene(1.0, amplitude).map(shown)
+    })
+}
+
+fn of_codes(codes: Image<[u8; 3]>) -> Picture {
+    Picture::codes(codes.map(|pixel| pixel.map(u16::from)), 255)
+}
+
+/// Reads every texel of two images once, in strips as the metrics do, and adds them up so that no read can be left out.
+const READ_BOTH: &str = "
+    override WORKGROUP_X: u32 = 8u;
+    override WORKGROUP_Y: u32 = 8u;
+    @group(0) @binding(0) var reference: texture_2d<f32>;
+    @group(0) @binding(1) var test: texture_2d<f32>;
+    @group(0) @binding(2) var<storage, read_write> sums: array<vec4f>;
+    @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
+    fn main(@builtin(global_invocation_id) id: vec3u) {
+        let size = textureDimensions(reference);
+        if (id.x >= size.x || id.y * 64u >= size.y) {
+            return;
+        }
+        var sum = vec4f(0.0);
+        for (var y = id.y * 64u; y < min(id.y * 64u + 64u, size.y); y++) {
+            sum += textureLoad(reference, vec2u(id.x, y), 0) + textureLoad(test, vec2u(id.x, y), 0);
+        }
+        sums[id.y * size.x + id.x] = sum;
+    }
+";
+
+/// The least time between timestamps, of metrics and of a pass that only reads what they compare.
+fn on_adapter() -> anyhow::Result<()> {
+    let gpu = Gpu::open(None)?;
+    let [reference, noisy] = [0.0, 0.05].map(|amplitude| Arc::new(scene(1.0, amplitude)));
+    let textures = [&reference, &noisy].map(|image| {
+        let texture = Texture::new(&gpu, "image", EXTENT, wgpu::TextureFormat::Rgba32Float);
+        texture.write_rgb(&gpu, image);
+        texture
+    });
+    let strips = Extent::new(EXTENT.width, EXTENT.height.div_ceil(64));
+    let sums = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("sums"),
+        size: 16 * strips.n_pixels() as u64,
+        usage: wgpu::BufferUsages::STORAGE,
+        mapped_at_creation: false,
+    });
+    let read = Pass::new(&gpu, "read both", &[READ_BOTH], &[])?;
+    let read = read
+        .bind("reference", &textures[0])
+        .bind("test", &textures[1])
+        .bind("sums", &sums)
+        .over(&gpu, strips)?;
+    let metrics = [Metric::PSNR, Metric::SSIM];
+    let mut passes = GpuMetrics::new(&gpu, EXTENT, DISPLAY, &metrics, 1)?;
+    let (mut timer, pool) = (Timer::new(&gpu, 2), ReadbackPool::default());
+    let mut least = [f64::INFINITY; 2];
+    for _ in 0..=N_TRIES {
+        let mut readback = pool.begin();
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut recording = Recording {
+            gpu: &gpu,
+            encoder: &mut encoder,
+            readback: &mut readback,
+        };
+        let frame = ScoredFrame {
+            reference: &reference,
+            motion_px: None,
+            follows: false,
+            settled: true,
+        };
+        passes.record(&mut recording, &mut timer, frame, &[&textures[1]])?;
+        read.record(&mut encoder, timer.time());
+        let times = timer.finish(&gpu, &mut encoder, &mut readback);
+        let submission = gpu.queue.submit([encoder.finish()]);
+        readback.map();
+        gpu.wait(submission)?;
+        for (least, ms) in least.iter_mut().zip(times.read(&readback)?) {
+            *least = least.min(ms);
+        }
+    }
+    let [metrics_ms, read_ms] = least;
+    let (name, ratio) = (gpu.info().name, metrics_ms / read_ms);
+    println!("{name}, {EXTENT}: psnr and ssim {metrics_ms:.3} ms, reading both images {read_ms:.3} ms: {ratio:.1}");
     Ok(())
 }
 

@@ -4,8 +4,12 @@
 //! (OpenEXR, Radiance HDR) as linear colour that still has to pass a display transform.
 
 use crate::{
-    image::files::{FileReader, ImageError, SampleType},
+    image::{
+        Image,
+        files::{FileReader, ImageError, SampleType},
+    },
     metrics::{Display, FrameScores, Metric, MetricError, Picture, Reference, Summary, Values, map::Map},
+    sequence::frame::Rgb,
 };
 use serde::Serialize;
 use std::{
@@ -172,7 +176,7 @@ pub fn compare(
     criteria: &Criteria,
 ) -> Result<Comparison, CompareError> {
     match (reference.is_dir(), test.is_dir()) {
-        (false, false) => images(reader, reference, test, criteria).map(Comparison::Images),
+        (false, false) => images(reader, reference, test, criteria, &mut None).map(Comparison::Images),
         (true, true) => folders(reader, reference, test, criteria),
         _ => Err(CompareError::Kinds(reference.to_owned(), test.to_owned())),
     }
@@ -220,12 +224,26 @@ impl Comparison {
     }
 }
 
-fn images(reader: &FileReader, reference: &Path, test: &Path, criteria: &Criteria) -> Result<Scores, CompareError> {
+/// Scores a pair. The reference is left in place of the last one, whose memory it takes over.
+fn images(
+    reader: &FileReader,
+    reference: &Path,
+    test: &Path,
+    criteria: &Criteria,
+    last: &mut Option<Reference>,
+) -> Result<Scores, CompareError> {
     let (r, t) = rayon::join(
         || show(reader, reference, criteria.display),
         || show(reader, test, criteria.display),
     );
-    let scores = Reference::new(r?, &criteria.metrics).evaluate(&t?);
+    let (r, t) = (r?, t?);
+    let mut prepared = match last {
+        Some(last) => last.restart(r),
+        None => Reference::new(r, &criteria.metrics),
+    };
+    let scores = prepared.evaluate(&t);
+    prepared.retire();
+    *last = Some(prepared);
     let FrameScores {
         values,
         non_finite_pixels,
@@ -243,10 +261,16 @@ fn images(reader: &FileReader, reference: &Path, test: &Path, criteria: &Criteri
 fn show(reader: &FileReader, path: &Path, display: Display) -> Result<Picture, ImageError> {
     let file = reader.read_rgb(path)?;
     Ok(match file.sample {
-        SampleType::U8 => Picture::codes(file.image, u8::MAX.into()),
-        SampleType::U16 => Picture::codes(file.image, u16::MAX),
+        SampleType::U8 => codes(&file.image, u8::MAX.into()),
+        SampleType::U16 => codes(&file.image, u16::MAX),
         _ => Picture::linear(file.image, display),
     })
+}
+
+/// The integers that samples were read from, each as the float nearest to its share of the largest.
+fn codes(samples: &Image<Rgb>, max: u16) -> Picture {
+    let code = |sample: f32| (sample * f32::from(max)).round() as u16;
+    Picture::codes(samples.map(|pixel| pixel.map(code)), max)
 }
 
 fn folders(
@@ -256,12 +280,13 @@ fn folders(
     criteria: &Criteria,
 ) -> Result<Comparison, CompareError> {
     let names = matched(reference, test)?;
+    let mut last = None;
     let frames = names
         .iter()
         .map(|name| {
             Ok(Frame {
                 name: name.to_string_lossy().into_owned(),
-                scores: images(reader, &reference.join(name), &test.join(name), criteria)?,
+                scores: images(reader, &reference.join(name), &test.join(name), criteria, &mut last)?,
             })
         })
         .collect::<Result<Vec<_>, CompareError>>()?;

@@ -7,7 +7,7 @@ use afterimage::{
         Image,
         files::{Backend, FileReader, Limits, exr},
     },
-    metrics::Metric,
+    metrics::{Metric, Picture, map::Map},
     run::{self, MetricsOn, Observer, PresetSpec, RunSpec, Validate, report::Report},
     sequence::{Sequence, frame::Rgb},
     taa::Precision,
@@ -27,6 +27,7 @@ use std::{
   afterimage run dump.tar --preset all --history f32 --frames 16 --json report.json
   afterimage run dump/manifest.json --preset ema --set current_weight=0.05 --images out
   afterimage run dump --preset all --frames 8 --validate --adapter nvidia --history f32
+  afterimage run dump --preset ema --images out --maps flip,ssim
   afterimage run dump --preset ema,karis2014 --set karis2014.history_filter=bilinear --metrics psnr,ssim")]
 pub struct Arguments {
     /// Folder with a manifest.json, the manifest itself, or a tar, tar.gz or zip of the folder
@@ -48,6 +49,10 @@ pub struct Arguments {
     /// Write each shown frame as DIR/PRESET/output_0000.exr: linear RGB, 32-bit float
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
+    /// Draw where the errors of these metrics are: DIR/PRESET/METRIC_0000.png, black to white for good to bad, and the
+    /// values as .exr
+    #[arg(long, value_name = "METRICS", value_delimiter = ',', requires = "images")]
+    maps: Vec<Metric>,
 }
 
 /// What to run: shared with `submit`.
@@ -185,7 +190,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         Decoder::Openimageio => Backend::OpenImageIo,
     });
     let sequence = Sequence::open(&arguments.manifest, &reader)?;
-    let spec = RunSpec {
+    let mut spec = RunSpec {
         metrics_on: match arguments.metrics_on {
             Where::Auto => MetricsOn::Auto,
             Where::Cpu => MetricsOn::Cpu,
@@ -193,11 +198,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         },
         ..arguments.what.spec(&sequence)?
     };
+    for metric in &arguments.maps {
+        metric.check_map().context("--maps")?;
+        if !spec.metrics.contains(metric) {
+            spec.metrics.push(*metric);
+        }
+    }
     run::validate(&spec, &sequence)?;
     let gpu = Gpu::open(arguments.adapter.as_deref())?;
     let observer = Screen {
         bar: progress_bar(sequence.name(), 0),
         images: arguments.images.as_deref(),
+        maps: &arguments.maps,
         folders: spec.folders(),
     };
     observer.make_folders()?;
@@ -217,6 +229,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
 struct Screen<'a> {
     bar: indicatif::ProgressBar,
     images: Option<&'a Path>,
+    maps: &'a [Metric],
     folders: Vec<String>,
 }
 
@@ -247,6 +260,17 @@ impl Observer for Screen<'_> {
             .join(&self.folders[preset_index])
             .join(format!("output_{frame_index:04}.exr"));
         exr::write_rgb_exr(&path, image, exr::FloatFormat::Float).map_err(io::Error::other)
+    }
+
+    fn compared(&self, preset_index: usize, frame_index: usize, reference: &Picture, test: &Picture) -> io::Result<()> {
+        let Some(images) = self.images else { return Ok(()) };
+        for metric in self.maps {
+            let map = Map::new(*metric, reference, test).map_err(io::Error::other)?;
+            let folder = images.join(&self.folders[preset_index]);
+            let name = format!("{metric}_{frame_index:04}");
+            map.write(&folder, &name).map_err(io::Error::other)?;
+        }
+        Ok(())
     }
 
     fn cancelled(&self) -> bool {

@@ -4,6 +4,7 @@
 use super::srgb;
 use crate::sequence::frame::Rgb;
 use serde::{Deserialize, Serialize};
+use std::ops::{Add, Div, Mul};
 
 /// Exposure, tone mapping, then the sRGB transfer function clamped to `[0, 1]`; nothing is rounded to 8 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,8 +56,9 @@ impl Display {
     /// Display values of a linear colour. Negative components show as black. A colour with any NaN or infinity becomes
     /// NaN altogether: a clamp that turned it into 0 or 1 would hide it from every metric.
     pub fn apply(&self, linear: Rgb) -> [f64; 3] {
-        let mut planes = linear.map(|c| [f64::from(c)]);
+        let mut planes = linear.map(|c| [c]);
         poison(&mut planes);
+        let mut planes = planes.map(|plane| plane.map(f64::from));
         self.show(&mut planes);
         planes.map(|[value]| value)
     }
@@ -64,40 +66,81 @@ impl Display {
     /// The same of `N` colours, poisoned already, in planes.
     #[inline(always)]
     pub(super) fn show<const N: usize>(&self, planes: &mut [[f64; N]; 3]) {
+        self.expose(planes);
+        for plane in planes {
+            srgb::encode(plane);
+        }
+    }
+
+    /// What a display gives off that shows them: linear light in `[0, 1]`.
+    #[inline(always)]
+    pub(super) fn shine<const N: usize>(&self, planes: &mut [[f32; N]; 3]) {
+        self.expose(planes);
+        for plane in planes {
+            for value in plane {
+                *value = if *value > 1.0 { 1.0 } else { *value };
+            }
+        }
+    }
+
+    /// Exposes and compresses range, which leaves values above 1 where there is no tone mapping.
+    #[inline(always)]
+    fn expose<T: Real, const N: usize>(&self, planes: &mut [[T; N]; 3]) {
+        let [zero, one, exposure] = [0.0, 1.0, self.exposure].map(T::of);
         for plane in &mut *planes {
             for value in plane {
                 // NaN passes, as it would not through `max`.
-                *value = if *value < 0.0 { 0.0 } else { *value } * self.exposure;
+                *value = if *value < zero { zero } else { *value } * exposure;
             }
         }
         match self.tonemap {
             Tonemap::None => {}
             Tonemap::ReinhardMax => {
-                let larger = |a: f64, b: f64| if a > b { a } else { b };
+                let larger = |a: T, b: T| if a > b { a } else { b };
                 let [r, g, b] = planes;
                 for i in 0..N {
-                    let scale = 1.0 / (1.0 + larger(larger(r[i], g[i]), b[i]));
+                    let scale = one / (one + larger(larger(r[i], g[i]), b[i]));
                     (r[i], g[i], b[i]) = (r[i] * scale, g[i] * scale, b[i] * scale);
                 }
             }
             Tonemap::Aces => {
-                for c in planes.iter_mut().flatten() {
-                    *c = *c * (2.51 * *c + 0.03) / (*c * (2.43 * *c + 0.59) + 0.14);
+                let [a, b, c, d, e] = [2.51, 0.03, 2.43, 0.59, 0.14].map(T::of);
+                for plane in planes {
+                    for value in plane {
+                        let x = *value;
+                        *value = x * (a * x + b) / (x * (c * x + d) + e);
+                    }
                 }
             }
         }
-        for plane in planes {
-            srgb::encode(plane);
-        }
+    }
+}
+
+/// `f32` and `f64`.
+trait Real: Copy + PartialOrd + Add<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
+    fn of(number: f64) -> Self;
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn of(number: f64) -> Self {
+        number
+    }
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn of(number: f64) -> Self {
+        number as f32
     }
 }
 
 /// Makes every component NaN of a colour that has a NaN or an infinity, so that Inf − Inf, Inf − 1 and NaN all end as
 /// NaN.
 #[inline(always)]
-pub(super) fn poison<const N: usize>([r, g, b]: &mut [[f64; N]; 3]) {
+pub(super) fn poison<const N: usize>([r, g, b]: &mut [[f32; N]; 3]) {
     for i in 0..N {
-        let poison = 0.0 * (r[i] + g[i] + b[i]);
+        let poison = 0.0 * r[i] + 0.0 * g[i] + 0.0 * b[i];
         (r[i], g[i], b[i]) = (r[i] + poison, g[i] + poison, b[i] + poison);
     }
 }

@@ -45,13 +45,13 @@ pub struct Scale {
 impl Map {
     /// Compares `test` with `reference`.
     pub fn new(metric: Metric, reference: &Picture, test: &Picture) -> Result<Self, MetricError> {
-        if metric.is_temporal() {
-            return Err(MetricError::NoMap { metric: metric.id() });
-        }
+        metric.check_map()?;
         check_sizes(&[metric], reference.extent(), test.extent())?;
-        let of_pair = |f: fn(&Pair) -> Image<f32>| with_pair(&Reference::new(reference.clone(), &[metric]), test, f);
+        let quantity = metric.definition().quantity;
+        let of_pair =
+            |f: fn(&Pair) -> Image<f32>| with_pair(&Reference::new(reference.clone(), &[metric]), test, quantity, f);
         let squared = |r: f64, t: f64| (t - r) * (t - r);
-        let values = match metric.definition().quantity {
+        let values = match quantity {
             Quantity::SquaredError(domain) => pointwise(domain, reference, test, squared),
             Quantity::RelativeSquaredError => pointwise(Domain::Linear, reference, test, relative_error::squared),
             Quantity::SymmetricError => pointwise(Domain::Linear, reference, test, relative_error::symmetric),

@@ -151,7 +151,7 @@ vectorised! {
 #[inline(always)]
 pub fn accumulate(values: &[f64], classes: Option<&[Class]>, sums: &mut ByClass<f64>) {
     match classes {
-        None => sums[0] += sum(values),
+        None => sums[0] += sum(values.len(), |i| values[i]),
         Some(classes) => {
             for (value, class) in values.iter().zip(classes) {
                 sums[usize::from(*class) % N_CLASSES] += value;
@@ -160,16 +160,20 @@ pub fn accumulate(values: &[f64], classes: Option<&[Class]>, sums: &mut ByClass<
     }
 }
 
-/// In eight interleaved partial sums: a single one would wait for its own last addition.
+/// Σ `f(i)` for `i` below `n`, in sixteen interleaved partial sums: fewer would wait for their own last addition.
 #[inline(always)]
-fn sum(values: &[f64]) -> f64 {
-    const LANES: usize = 8;
+pub fn sum(n: usize, f: impl Fn(usize) -> f64) -> f64 {
+    const LANES: usize = 16;
     let mut sums = [0.0; LANES];
-    let (chunks, rest) = values.as_chunks::<LANES>();
-    for chunk in chunks {
-        for (sum, value) in sums.iter_mut().zip(chunk) {
-            *sum += value;
+    let whole = n / LANES * LANES;
+    for start in (0..whole).step_by(LANES) {
+        for (lane, sum) in sums.iter_mut().enumerate() {
+            *sum += f(start + lane);
         }
     }
-    sums.iter().sum::<f64>() + rest.iter().sum::<f64>()
+    let mut total = sums.iter().sum::<f64>();
+    for i in whole..n {
+        total += f(i);
+    }
+    total
 }

@@ -242,6 +242,14 @@ impl Metric {
         )
     }
 
+    /// Whether it has a map.
+    pub fn check_map(self) -> Result<(), MetricError> {
+        match self.is_temporal() {
+            true => Err(MetricError::NoMap { metric: self.id() }),
+            false => Ok(()),
+        }
+    }
+
     /// Whether images of this size are large enough for the metric's window.
     pub fn check_size(self, extent: Extent) -> Result<(), MetricError> {
         let smallest = self.definition.quantity.smallest();

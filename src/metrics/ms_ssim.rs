@@ -8,6 +8,7 @@ use super::{
     metric::Definition,
     quantity::{Domain, Quantity, Sums},
     reference::Pair,
+    shown::RowScratch,
     ssim::{BAND, Part, Rows, WINDOW, Windows, stabilisers},
 };
 use crate::image::{Extent, Image};
@@ -124,7 +125,7 @@ struct Scale<'a> {
 }
 
 impl Rows for Scale<'_> {
-    fn row<'a>(&'a self, y: usize, columns: Range<usize>, _: &'a mut Vec<f64>) -> &'a [f64] {
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, _: &'a mut RowScratch) -> &'a [f64] {
         &self.values[y * self.width..][columns]
     }
 }
@@ -158,7 +159,7 @@ pub(super) fn map(pair: &Pair) -> Image<f32> {
             .enumerate()
             .for_each(|(band, factors)| {
                 let rows = band * BAND..band * BAND + factors.len() / width;
-                let mut windows = Windows::new(images, stabilisers(Domain::Luma.peak()), pair.same, i as u32);
+                let mut windows = Windows::new(images, stabilisers(Domain::Luma.peak()), &pair.same, i as u32);
                 windows.for_each_run(rows, width, part, |x, y, indices| {
                     let run = &mut factors[(y - band * BAND) * width + x..];
                     for (factor, index) in run.iter_mut().zip(indices) {
@@ -201,7 +202,7 @@ fn totals(pair: &Pair, images: [Scale; 2], scale: usize, shares: Option<&[Plane;
     let bands = (0..height.div_ceil(BAND)).into_par_iter().map(|band| {
         let rows = band * BAND..height.min((band + 1) * BAND);
         let [mut totals, mut weights] = [ByClass::default(); 2];
-        let mut windows = Windows::new(images, stabilisers(Domain::Luma.peak()), pair.same, scale as u32);
+        let mut windows = Windows::new(images, stabilisers(Domain::Luma.peak()), &pair.same, scale as u32);
         windows.for_each_run(rows, width, part, |x, y, indices| match shares {
             None => {
                 mask::add(indices, None, &mut totals);

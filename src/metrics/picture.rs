@@ -9,91 +9,203 @@ use crate::{
     image::{Extent, Image},
     sequence::frame::Rgb,
 };
-use std::{ops::Range, sync::Arc};
+use rayon::prelude::*;
+use std::{
+    ops::Range,
+    sync::{Arc, OnceLock},
+};
 
 /// Pixels converted at a time.
 const BLOCK: usize = 64;
 
 /// An image to be judged, or to judge by.
 #[derive(Clone)]
-pub struct Picture {
-    pixels: Arc<Image<Rgb>>,
-    encoding: Encoding,
-}
+pub struct Picture(Pixels);
 
 /// What pixels stand for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Encoding {
+#[derive(Clone)]
+enum Pixels {
     /// Linear RGB, shown by this display transform.
-    Linear(Display),
-    /// What is shown: sRGB-encoded integers of 0 to this, each as the float nearest to its share of it.
-    Codes(f64),
+    Linear(Arc<Image<Rgb>>, Display),
+    /// What is shown: sRGB-encoded integers.
+    Codes(Arc<Codes>),
+}
+
+/// Integers of 0 to `max` in place of 0 to 1.
+struct Codes {
+    pixels: Image<[u16; 3]>,
+    max: u16,
+    /// For those that ask.
+    light: OnceLock<CodeLight>,
+}
+
+/// The linear value of every code.
+struct CodeLight {
+    exact: Vec<f64>,
+    rounded: Vec<f32>,
+}
+
+impl Codes {
+    fn light(&self) -> &CodeLight {
+        self.light.get_or_init(|| {
+            let decode = |code| linear_from_srgb(f64::from(code) / f64::from(self.max));
+            let exact: Vec<f64> = (0..=self.max).map(decode).collect();
+            CodeLight {
+                rounded: exact.iter().map(|light| *light as f32).collect(),
+                exact,
+            }
+        })
+    }
 }
 
 impl Picture {
     /// Linear RGB, shown by `display`.
     pub fn linear(pixels: impl Into<Arc<Image<Rgb>>>, display: Display) -> Self {
-        Self {
-            pixels: pixels.into(),
-            encoding: Encoding::Linear(display),
-        }
+        Self(Pixels::Linear(pixels.into(), display))
     }
 
-    /// sRGB-encoded integers of 0 to `max_code` (255 for 8 bits), each given as the float nearest to `code / max_code`.
-    /// The quotients are restored in f64, so that scores are those of the integers themselves.
-    pub fn codes(pixels: impl Into<Arc<Image<Rgb>>>, max_code: u16) -> Self {
-        Self {
-            pixels: pixels.into(),
-            encoding: Encoding::Codes(f64::from(max_code)),
-        }
+    /// sRGB-encoded integers of 0 to `max_code` (255 for 8 bits), which are shown as exactly `code / max_code`.
+    ///
+    /// # Panics
+    /// When a code is above `max_code`: a caller's mistake, never a user's.
+    pub fn codes(pixels: Image<[u16; 3]>, max_code: u16) -> Self {
+        let largest = pixels.pixels().as_flattened().iter().fold(0, |a, b| a.max(*b));
+        assert!(
+            largest <= max_code,
+            "a code of {largest} among those of 0 to {max_code}"
+        );
+        Self(Pixels::Codes(Arc::new(Codes {
+            pixels,
+            max: max_code,
+            light: OnceLock::new(),
+        })))
     }
 
     /// Width and height.
     pub fn extent(&self) -> Extent {
-        self.pixels.extent()
+        match &self.0 {
+            Pixels::Linear(pixels, _) => pixels.extent(),
+            Pixels::Codes(codes) => codes.pixels.extent(),
+        }
     }
 
-    /// The pixels as they came.
-    pub(super) fn pixels(&self, y: usize, columns: Range<usize>) -> &[Rgb] {
-        &self.pixels.row(y as u32)[columns]
+    /// Whether what is shown can be had again at no cost, so that nobody needs to keep it.
+    pub(super) fn is_codes(&self) -> bool {
+        matches!(self.0, Pixels::Codes(_))
+    }
+
+    /// Whether every pixel is.
+    pub(super) fn is_finite(&self) -> bool {
+        match &self.0 {
+            Pixels::Linear(pixels, _) => {
+                let blocks = pixels.pixels().par_chunks(4096);
+                blocks.all(|block| are_finite(block.as_flattened()))
+            }
+            Pixels::Codes(_) => true,
+        }
+    }
+
+    /// How many pixels of some columns of row `y` are not finite here or in `other`.
+    pub(super) fn n_non_finite(&self, other: &Self, y: usize, columns: Range<usize>) -> u64 {
+        let row = |pixels: &'_ Arc<Image<Rgb>>| -> Range<usize> {
+            let start = y * pixels.extent().width as usize;
+            start + columns.start..start + columns.end
+        };
+        match (&self.0, &other.0) {
+            (Pixels::Linear(a, _), Pixels::Linear(b, _)) => count_non_finite(&a.pixels()[row(a)], &b.pixels()[row(b)]),
+            (Pixels::Linear(a, _), _) | (_, Pixels::Linear(a, _)) => {
+                count_non_finite(&a.pixels()[row(a)], &a.pixels()[row(a)])
+            }
+            _ => 0,
+        }
     }
 
     /// Whether the same pixels stand for the same colours in both.
     pub(super) fn reads_like(&self, other: &Self) -> bool {
-        self.encoding == other.encoding
+        match (&self.0, &other.0) {
+            (Pixels::Linear(_, a), Pixels::Linear(_, b)) => a == b,
+            (Pixels::Codes(a), Pixels::Codes(b)) => a.max == b.max,
+            _ => false,
+        }
+    }
+
+    /// Whether both hold the same bits in a part of row `y`.
+    pub(super) fn has_pixels_of(&self, other: &Self, y: usize, columns: Range<usize>) -> bool {
+        fn row<T: Copy + Send + Sync + bytemuck::Pod>(image: &Image<T>, y: usize, columns: Range<usize>) -> &[u16] {
+            bytemuck::cast_slice(&image.row(y as u32)[columns])
+        }
+        match (&self.0, &other.0) {
+            (Pixels::Linear(a, _), Pixels::Linear(b, _)) => row(a, y, columns.clone()) == row(b, y, columns),
+            (Pixels::Codes(a), Pixels::Codes(b)) => row(&a.pixels, y, columns.clone()) == row(&b.pixels, y, columns),
+            _ => false,
+        }
     }
 
     /// Display values of some columns of row `y`; NaN where the pixel has a non-finite component.
     pub(super) fn show(&self, y: usize, columns: Range<usize>, shown: [&mut [f64]; 3]) {
-        let pixels = self.pixels(y, columns);
-        match self.encoding {
-            Encoding::Linear(display) => show_linear(pixels, shown, display),
-            Encoding::Codes(max) => show_codes(pixels, shown, max),
+        match &self.0 {
+            Pixels::Linear(pixels, display) => show_linear(&pixels.row(y as u32)[columns], shown, *display),
+            Pixels::Codes(codes) => show_codes(&codes.pixels.row(y as u32)[columns], shown, codes.max.into()),
         }
     }
 
+    /// The same of one channel, of a picture that [`Picture::is_codes`].
+    pub(super) fn show_channel(&self, channel: usize, y: usize, columns: Range<usize>, shown: &mut [f64]) {
+        let Pixels::Codes(codes) = &self.0 else {
+            unreachable!("what linear values are shown as depends on all channels");
+        };
+        show_codes_of(channel, &codes.pixels.row(y as u32)[columns], shown, codes.max.into());
+    }
+
     /// Linear values of the same; NaN where the pixel has a non-finite component.
-    pub(super) fn light(&self, y: usize, columns: Range<usize>, mut light: [&mut [f64]; 3]) {
-        let pixels = self.pixels(y, columns);
-        match self.encoding {
-            Encoding::Linear(_) => light_linear(pixels, light),
-            Encoding::Codes(max) => {
-                show_codes(pixels, light.each_mut().map(|plane| &mut **plane), max);
-                light
-                    .into_iter()
-                    .flatten()
-                    .for_each(|value| *value = linear_from_srgb(*value));
-            }
+    pub(super) fn light(&self, y: usize, columns: Range<usize>, light: [&mut [f64]; 3]) {
+        match &self.0 {
+            Pixels::Linear(pixels, _) => light_linear(&pixels.row(y as u32)[columns], light),
+            Pixels::Codes(codes) => look_up(&codes.pixels.row(y as u32)[columns], &codes.light().exact, light),
+        }
+    }
+
+    /// The same in f32, whatever is not finite.
+    pub(super) fn light_f32(&self, y: usize, columns: Range<usize>, light: [&mut [f32]; 3]) {
+        match &self.0 {
+            Pixels::Linear(pixels, _) => split(&pixels.row(y as u32)[columns], light),
+            Pixels::Codes(codes) => look_up(&codes.pixels.row(y as u32)[columns], &codes.light().rounded, light),
+        }
+    }
+
+    /// The light that a display gives off, 0 to 1: what is shown, decoded, in f32.
+    pub(super) fn shown_light(&self, y: usize, columns: Range<usize>, light: [&mut [f32]; 3]) {
+        match &self.0 {
+            Pixels::Linear(pixels, display) => shine(&pixels.row(y as u32)[columns], light, *display),
+            Pixels::Codes(codes) => look_up(&codes.pixels.row(y as u32)[columns], &codes.light().rounded, light),
         }
     }
 }
 
 vectorised! {
+    fn are_finite<'a>(values: &'a [f32]) -> bool {
+        let mut all = 0.0;
+        for value in values {
+            all += 0.0 * value;
+        }
+        all == 0.0
+    }
+
+    fn count_non_finite<'a>(a: &'a [Rgb], b: &'a [Rgb]) -> u64 {
+        let mut n = 0;
+        for ([r, g, b], [x, y, z]) in a.iter().zip(b) {
+            n += u64::from((0.0 * r + 0.0 * g + 0.0 * b + 0.0 * x + 0.0 * y + 0.0 * z).is_nan());
+        }
+        n
+    }
+
     fn show_linear<'a>(pixels: &'a [Rgb], shown: [&'a mut [f64]; 3], display: Display) {
         let mut shown = shown;
+        let (mut narrow, mut planes) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
         for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
-            let mut planes = load(pixels);
-            poison(&mut planes);
+            load(pixels, &mut narrow);
+            poison(&mut narrow);
+            widen(&narrow, &mut planes);
             display.show(&mut planes);
             store(&planes, block, pixels.len(), &mut shown);
         }
@@ -101,52 +213,112 @@ vectorised! {
 
     fn light_linear<'a>(pixels: &'a [Rgb], light: [&'a mut [f64]; 3]) {
         let mut light = light;
+        let (mut narrow, mut planes) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
         for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
-            let mut planes = load(pixels);
-            poison(&mut planes);
+            load(pixels, &mut narrow);
+            poison(&mut narrow);
+            widen(&narrow, &mut planes);
             store(&planes, block, pixels.len(), &mut light);
         }
     }
 
-    fn show_codes<'a>(pixels: &'a [Rgb], shown: [&'a mut [f64]; 3], max: f64) {
-        let mut shown = shown;
+    fn shine<'a>(pixels: &'a [Rgb], light: [&'a mut [f32]; 3], display: Display) {
+        let mut light = light;
+        let mut planes = [[0.0; BLOCK]; 3];
         for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
-            let mut planes = load(pixels);
-            for plane in &mut planes {
-                for value in plane {
-                    *value = restore(*value, max);
+            load(pixels, &mut planes);
+            display.shine(&mut planes);
+            store(&planes, block, pixels.len(), &mut light);
+        }
+    }
+
+    /// Pixels as planes.
+    fn split<'a>(pixels: &'a [Rgb], planes: [&'a mut [f32]; 3]) {
+        let mut planes = planes;
+        let mut loaded = [[0.0; BLOCK]; 3];
+        for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
+            load(pixels, &mut loaded);
+            store(&loaded, block, pixels.len(), &mut planes);
+        }
+    }
+
+    fn show_codes<'a>(pixels: &'a [[u16; 3]], shown: [&'a mut [f64]; 3], max: f64) {
+        let mut shown = shown;
+        let inverse = 1.0 / max;
+        let (mut codes, mut planes) = ([[0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
+        for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
+            load(pixels, &mut codes);
+            for channel in 0..3 {
+                for i in 0..BLOCK {
+                    planes[channel][i] = quotient(f64::from(codes[channel][i]), max, inverse);
                 }
             }
             store(&planes, block, pixels.len(), &mut shown);
         }
     }
-}
 
-/// Up to a block of pixels as planes; zeros fill it.
-#[inline(always)]
-fn load(pixels: &[Rgb]) -> [[f64; BLOCK]; 3] {
-    let mut planes = [[0.0; BLOCK]; 3];
-    for (channel, plane) in planes.iter_mut().enumerate() {
-        for (value, pixel) in plane.iter_mut().zip(pixels) {
-            *value = f64::from(pixel[channel]);
+    fn show_codes_of<'a>(channel: usize, pixels: &'a [[u16; 3]], shown: &'a mut [f64], max: f64) {
+        let inverse = 1.0 / max;
+        for (value, pixel) in shown.iter_mut().zip(pixels) {
+            *value = quotient(f64::from(pixel[channel % 3]), max, inverse);
         }
     }
-    planes
+}
+
+/// What a table has for each code.
+fn look_up<T: Copy>(pixels: &[[u16; 3]], table: &[T], found: [&mut [T]; 3]) {
+    for (channel, found) in found.into_iter().enumerate() {
+        for (value, pixel) in found.iter_mut().zip(pixels) {
+            *value = table[usize::from(pixel[channel])];
+        }
+    }
+}
+
+/// `code / max` rounded once, as a division would, which costs more: Markstein, "IA-64 and Elementary Functions", 2000.
+#[inline(always)]
+fn quotient(code: f64, max: f64, inverse: f64) -> f64 {
+    let near = code * inverse;
+    inverse.mul_add(max.mul_add(-near, code), near)
+}
+
+/// Up to a block of pixels as planes; what follows the last pixel stays.
+#[inline(always)]
+fn load<T: Copy>(pixels: &[[T; 3]], planes: &mut [[T; BLOCK]; 3]) {
+    let [r, g, b] = planes;
+    // Whole blocks have a loop of their own, of a number of steps that is known.
+    match pixels.first_chunk::<BLOCK>() {
+        Some(pixels) => {
+            for i in 0..BLOCK {
+                [r[i], g[i], b[i]] = pixels[i];
+            }
+        }
+        None => {
+            for (i, pixel) in pixels.iter().enumerate() {
+                [r[i], g[i], b[i]] = *pixel;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn widen(planes: &[[f32; BLOCK]; 3], wide: &mut [[f64; BLOCK]; 3]) {
+    for channel in 0..3 {
+        for i in 0..BLOCK {
+            wide[channel][i] = f64::from(planes[channel][i]);
+        }
+    }
 }
 
 /// Writes the first `n` pixels of a block to where it lies in a run.
 #[inline(always)]
-fn store(block_planes: &[[f64; BLOCK]; 3], block: usize, n: usize, run: &mut [&mut [f64]; 3]) {
+fn store<T: Copy>(block_planes: &[[T; BLOCK]; 3], block: usize, n: usize, run: &mut [&mut [T]; 3]) {
     for (run, plane) in run.iter_mut().zip(block_planes) {
-        run[block * BLOCK..][..n].copy_from_slice(&plane[..n]);
+        let run = &mut run[block * BLOCK..][..n];
+        match run.first_chunk_mut::<BLOCK>() {
+            Some(run) => *run = *plane,
+            None => run.copy_from_slice(&plane[..n]),
+        }
     }
-}
-
-/// The exact `code / max` that `value` was rounded from, or `value` where it was rounded from no such quotient.
-#[inline(always)]
-fn restore(value: f64, max: f64) -> f64 {
-    let exact = round(value * max) / max;
-    if f64::from(exact as f32) == value { exact } else { value }
 }
 
 /// To the nearest whole number, ties to even, for 0 ≤ `value` < 2⁵¹. Adding 2⁵² leaves no bits for a fraction; unlike
@@ -162,17 +334,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eight_bit_codes_are_exact() {
-        let codes = Image::from_fn(Extent::new(256, 1), |x, _| [x as f32 / 255.0; 3]);
-        let mut planes = [(); 3].map(|()| vec![0.0; 256]);
-        Picture::codes(codes, 255).show(0, 0..256, planes.each_mut().map(Vec::as_mut_slice));
-        for plane in planes {
-            assert!(
-                plane
-                    .iter()
-                    .enumerate()
-                    .all(|(code, value)| *value == code as f64 / 255.0)
-            );
+    fn codes_are_exact_quotients() {
+        for max in [255, 1023, u16::MAX] {
+            let codes = Image::from_fn(Extent::new(u32::from(max) + 1, 1), |x, _| [x as u16; 3]);
+            let n = codes.pixels().len();
+            let mut planes = [(); 6].map(|()| vec![0.0; n]);
+            let [r, g, b, lr, lg, lb] = planes.each_mut().map(Vec::as_mut_slice);
+            let picture = Picture::codes(codes, max);
+            picture.show(0, 0..n, [r, g, b]);
+            picture.light(0, 0..n, [lr, lg, lb]);
+            let exact = |code: usize| code as f64 / f64::from(max);
+            for (plane, light) in planes[..3].iter().zip(&planes[3..]) {
+                assert!(plane.iter().enumerate().all(|(code, value)| *value == exact(code)));
+                let decoded = |code: usize| linear_from_srgb(exact(code));
+                assert!(light.iter().enumerate().all(|(code, value)| *value == decoded(code)));
+            }
         }
     }
 

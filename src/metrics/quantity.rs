@@ -70,6 +70,25 @@ impl Quantity {
         }
     }
 
+    /// Whether it needs display RGB of the whole image.
+    pub fn reads_shown(self) -> bool {
+        matches!(self, Self::Ssim(_))
+    }
+
+    /// The same, or what is made of it.
+    pub fn reads_image(self) -> bool {
+        self.reads_shown() || self.reads_luma()
+    }
+
+    /// Whether it needs display values at all.
+    pub fn reads_display(self) -> bool {
+        match self {
+            Self::SquaredError(domain) => domain != Domain::Linear,
+            Self::Change(_) => true,
+            _ => self.reads_image(),
+        }
+    }
+
     /// Whether it needs luma of the whole image.
     pub fn reads_luma(self) -> bool {
         match self {

@@ -8,7 +8,7 @@ use super::{
     picture::Picture,
     plane::{Plane, Pool},
     quantity::{Domain, Quantity, Sums, quantities},
-    rows::Pass,
+    rows::{Pass, Rows},
     same::Same,
     shown::Shown,
     ssim,
@@ -36,13 +36,33 @@ pub struct Reference {
     picture: Picture,
     metrics: Arc<[Metric]>,
     pool: Pool,
-    shown: Shown,
+    /// Where a metric reads display values.
+    shown: Option<Shown>,
+    is_finite: bool,
     step: Option<Step>,
     luma: OnceLock<Arc<Plane>>,
     energy: OnceLock<ByClass<f64>>,
     seen: OnceLock<SeenImage>,
     exposures: OnceLock<Exposures>,
     pyramid: OnceLock<Pyramid>,
+}
+
+/// Display values of a picture, and whether all are finite.
+fn show(picture: &Picture, pool: &Pool) -> (Shown, bool) {
+    if picture.is_codes() {
+        return (Shown::codes(picture), true);
+    }
+    let extent = picture.extent();
+    let width = extent.width as usize;
+    let mut planes = [(); 3].map(|()| pool.plane(extent.n_pixels()));
+    let [r, g, b] = planes.each_mut().map(|plane| plane.par_chunks_mut(width));
+    let rows = (r, g, b).into_par_iter().enumerate();
+    let rows = rows.map(|(y, (r, g, b))| {
+        picture.show(y, 0..width, [&mut *r, g, b]);
+        r.iter().all(|value| value.is_finite())
+    });
+    let is_finite = rows.reduce(|| true, |a, b| a & b);
+    (Shown::kept(extent, planes), is_finite)
 }
 
 impl Reference {
@@ -65,18 +85,19 @@ impl Reference {
     }
 
     fn with(picture: Picture, metrics: Arc<[Metric]>, pool: Pool) -> Self {
-        let extent = picture.extent();
-        let width = extent.width as usize;
-        let mut planes = [(); 3].map(|()| pool.plane(extent.n_pixels()));
-        let [r, g, b] = planes.each_mut().map(|plane| plane.par_chunks_mut(width));
-        let rows = (r, g, b).into_par_iter().enumerate();
-        let rows = rows.map(|(y, (r, g, b))| {
-            picture.show(y, 0..width, [&mut *r, g, b]);
-            r.iter().all(|value| value.is_finite())
-        });
-        let is_finite = rows.reduce(|| true, |a, b| a & b);
+        // Masks are told by luma, whatever is measured within them.
+        let reads_display = quantities(&metrics).into_iter().any(Quantity::reads_display)
+            || metrics.iter().any(|metric| metric.needs_motion());
+        let (shown, is_finite) = match reads_display {
+            true => {
+                let (shown, is_finite) = show(&picture, &pool);
+                (Some(shown), is_finite)
+            }
+            false => (None, picture.is_finite()),
+        };
         Self {
-            shown: Shown::new(extent, planes, is_finite),
+            shown,
+            is_finite,
             picture,
             metrics,
             pool,
@@ -87,6 +108,16 @@ impl Reference {
             exposures: OnceLock::new(),
             pyramid: OnceLock::new(),
         }
+    }
+
+    /// Frees what only scores need: the frame has none to come, and serves as the past of the next.
+    pub fn retire(&mut self) {
+        if self.metrics.iter().any(|metric| metric.is_temporal()) && self.shown.is_some() {
+            self.luma();
+        }
+        self.shown = None;
+        self.seen = OnceLock::new();
+        self.pyramid = OnceLock::new();
     }
 
     /// Scores `test`.
@@ -107,50 +138,48 @@ impl Reference {
             reference: self,
             test,
             quantities: pointwise,
-            keeps_shown: others.iter().any(|quantity| *quantity != Quantity::Convergence),
+            keeps_shown: others.iter().any(|quantity| quantity.reads_image()),
         };
         let keeps_errors = wanted.contains(&Quantity::Change(Change::Step));
         let rows = pass.run(keeps_errors.then(|| past.errors(self, follows)));
-        let pair = rows.shown.as_ref().map(|shown| Pair {
-            reference: self,
-            test,
-            shown,
-            luma: wanted
-                .iter()
-                .any(|quantity| quantity.reads_luma())
-                .then(|| self.luma_of(shown)),
-            same: &rows.same,
-            flip: OnceLock::new(),
-        });
-        let is_finite = rows.n_non_finite == 0;
+        let Rows { sums, n_non_finite, .. } = &rows;
+        let (sums, n_non_finite) = (sums.clone(), *n_non_finite);
+        let is_finite = n_non_finite == 0;
         let follows_finite = is_finite && past.is_finite() && self.step.as_ref().is_some_and(|step| step.is_finite);
-        let measure = |quantity: &Quantity| -> Option<ByMask<Sums>> {
+        let measure = |pair: &Pair, quantity: &Quantity| -> Option<ByMask<Sums>> {
             match quantity {
                 Quantity::ErrorDeviation | Quantity::Convergence => None,
                 Quantity::Change(_) if !follows => None,
                 Quantity::Change(_) if !follows_finite => Some(Sums::unknown()),
                 _ if !is_finite => Some(Sums::unknown()),
-                _ => match (rows.sums.get(quantity), &pair) {
-                    (Some(sums), _) => Some(by_mask(sums)),
-                    (None, Some(pair)) => Some(pair.measure(*quantity, past)),
-                    (None, None) => unreachable!("the image was kept for what is not measured pixel by pixel"),
+                _ => match sums.get(quantity) {
+                    Some(sums) => Some(by_mask(sums)),
+                    None => Some(pair.measure(*quantity, past)),
                 },
             }
         };
-        let measured: BTreeMap<_, _> = wanted
-            .iter()
-            .filter_map(|quantity| Some((*quantity, measure(quantity)?)))
-            .collect();
+        let mut pair = Pair::new(self, test, rows, wanted.iter().any(|quantity| quantity.reads_luma()));
+        let (first, others): (Vec<&Quantity>, Vec<_>) = wanted.iter().partition(|quantity| quantity.reads_shown());
+        let mut measured = BTreeMap::new();
+        for quantities in [first, others] {
+            for quantity in quantities {
+                if let Some(sums) = measure(&pair, quantity) {
+                    measured.insert(*quantity, sums);
+                }
+            }
+            // FLIP's planes go where these were.
+            pair.shown = None;
+        }
         let mut values = values(&self.metrics, &measured, self.classes().is_some());
         if is_finite && wanted.contains(&Quantity::HdrFlip) {
             let exposures = self.exposures();
             values.insert(flip::START_EXPOSURE, Value(exposures.start));
             values.insert(flip::STOP_EXPOSURE, Value(exposures.stop));
         }
-        past.remember(pair.and_then(|pair| pair.luma), measured.get(&SHOWN_ERROR), is_finite);
+        past.remember(pair.luma, measured.get(&SHOWN_ERROR), is_finite);
         Ok(FrameScores {
             values,
-            non_finite_pixels: rows.n_non_finite,
+            non_finite_pixels: n_non_finite,
         })
     }
 
@@ -167,7 +196,12 @@ impl Reference {
     }
 
     pub(super) fn shown(&self) -> &Shown {
-        &self.shown
+        self.shown.as_ref().expect("made for the quantities that read it")
+    }
+
+    /// Whether every pixel is.
+    pub(super) fn is_finite(&self) -> bool {
+        self.is_finite
     }
 
     pub(super) fn step(&self) -> Option<&Step> {
@@ -192,7 +226,7 @@ impl Reference {
     }
 
     pub(super) fn luma(&self) -> &Arc<Plane> {
-        self.luma.get_or_init(|| self.luma_of(&self.shown))
+        self.luma.get_or_init(|| self.luma_of(self.shown()))
     }
 
     fn luma_of(&self, shown: &Shown) -> Arc<Plane> {
@@ -205,7 +239,8 @@ impl Reference {
     pub(super) fn energy(&self) -> ByClass<f64> {
         *self.energy.get_or_init(|| {
             let [sums] = sum_rows(self.extent(), self.classes(), |y, [squares]| {
-                let rows = self.shown.rows(y, 0..squares.len());
+                let mut scratch = Default::default();
+                let rows = self.shown().rows(y, 0..squares.len(), &mut scratch);
                 for (x, square) in squares.iter_mut().enumerate() {
                     *square = rows.iter().map(|row| row[x] * row[x]).sum();
                 }
@@ -215,7 +250,7 @@ impl Reference {
     }
 
     pub(super) fn seen(&self) -> &SeenImage {
-        self.seen.get_or_init(|| SeenImage::new(&self.shown))
+        self.seen.get_or_init(|| SeenImage::new(&self.picture, &self.pool))
     }
 
     pub(super) fn exposures(&self) -> Exposures {
@@ -235,13 +270,28 @@ const SHOWN_ERROR: Quantity = Quantity::SquaredError(Domain::Display);
 pub(super) struct Pair<'a> {
     pub reference: &'a Reference,
     pub test: &'a Picture,
-    pub shown: &'a Shown,
+    shown: Option<Shown>,
     luma: Option<Arc<Plane>>,
-    pub same: &'a Same,
+    pub same: Same,
     flip: OnceLock<Image<f32>>,
 }
 
-impl Pair<'_> {
+impl<'a> Pair<'a> {
+    fn new(reference: &'a Reference, test: &'a Picture, rows: Rows, reads_luma: bool) -> Self {
+        let Rows { shown, same, .. } = rows;
+        Self {
+            reference,
+            test,
+            luma: shown
+                .as_ref()
+                .filter(|_| reads_luma)
+                .map(|shown| reference.luma_of(shown)),
+            shown,
+            same,
+            flip: OnceLock::new(),
+        }
+    }
+
     fn measure(&self, quantity: Quantity, past: &Past) -> ByMask<Sums> {
         match quantity {
             Quantity::Ssim(domain) => by_mask(&ssim::measure(self, domain)),
@@ -254,6 +304,10 @@ impl Pair<'_> {
         }
     }
 
+    pub fn shown(&self) -> &Shown {
+        self.shown.as_ref().expect("kept for the quantities that read it")
+    }
+
     pub fn luma(&self) -> &[f64] {
         self.luma.as_ref().expect("made for the quantities that read it")
     }
@@ -263,10 +317,11 @@ impl Pair<'_> {
     }
 }
 
-/// Maps are made of pairs as well.
+/// Maps are made of pairs as well: `f` may ask for what `quantity` reads.
 pub(super) fn with_pair<R>(
     reference: &Reference,
     test: &Picture,
+    quantity: Quantity,
     f: impl FnOnce(&Pair) -> R,
 ) -> Result<R, MetricError> {
     check_sizes(&reference.metrics, reference.extent(), test.extent())?;
@@ -274,18 +329,10 @@ pub(super) fn with_pair<R>(
         reference,
         test,
         quantities: Vec::new(),
-        keeps_shown: true,
+        keeps_shown: quantity.reads_image(),
     };
     let rows = pass.run(None);
-    let shown = rows.shown.expect("kept");
-    Ok(f(&Pair {
-        reference,
-        test,
-        shown: &shown,
-        luma: Some(reference.luma_of(&shown)),
-        same: &rows.same,
-        flip: OnceLock::new(),
-    }))
+    Ok(f(&Pair::new(reference, test, rows, quantity.reads_luma())))
 }
 
 impl Sums {

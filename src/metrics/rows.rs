@@ -55,8 +55,12 @@ struct Found {
     n_non_finite: u64,
 }
 
+/// Most pixels of a run, so that all that becomes of them stays in the first-level cache.
+const RUN: usize = 4 * TILE;
+
 /// Room for a run of pixels.
 struct Scratch {
+    reference: [Vec<f64>; 3],
     shown: [Vec<f64>; 3],
     light: [[Vec<f64>; 3]; 2],
     derived: [Vec<f64>; 2],
@@ -86,7 +90,10 @@ impl Pass<'_> {
     pub fn run(self, mut errors: Option<Errors>) -> Rows {
         let extent = self.test.extent();
         let width = extent.width as usize;
-        let mut kept = self.keeps_shown.then(|| [(); 3].map(|()| self.reference.new_plane()));
+        let mut kept = match self.keeps_shown && !self.test.is_codes() {
+            true => Some([(); 3].map(|()| self.reference.new_plane())),
+            false => None,
+        };
         let known = errors.as_ref().is_some_and(|errors| errors.known);
         let n_bands = (extent.height as usize).div_ceil(TILE);
         let shown = bands(kept.as_mut(), width, n_bands);
@@ -94,10 +101,9 @@ impl Pass<'_> {
         let work: Vec<(Band, Band)> = shown.into_iter().zip(errors).collect();
         let found = work.into_par_iter().enumerate();
         let found: Vec<Found> = found
-            .map_init(
-                || Scratch::new(width),
-                |scratch, (band, (shown, errors))| self.band(band, shown, (errors, known), scratch),
-            )
+            .map_init(Scratch::new, |scratch, (band, (shown, errors))| {
+                self.band(band, shown, (errors, known), scratch)
+            })
             .collect();
         let n_non_finite = found.iter().map(|band| band.n_non_finite).sum();
         let sums = self.quantities.iter().enumerate();
@@ -112,7 +118,10 @@ impl Pass<'_> {
                 .collect(),
             n_non_finite,
             same: Same::new(width.div_ceil(TILE), found.into_iter().map(|band| band.same)),
-            shown: kept.map(|planes| Shown::new(extent, planes, n_non_finite == 0)),
+            shown: self.keeps_shown.then(|| match kept {
+                Some(planes) => Shown::kept(extent, planes),
+                None => Shown::codes(self.test),
+            }),
         }
     }
 
@@ -136,7 +145,7 @@ impl Pass<'_> {
     fn band(&self, band: usize, mut shown: Band, (mut errors, known): (Band, bool), scratch: &mut Scratch) -> Found {
         let extent = self.test.extent();
         let rows = band * TILE..(extent.height as usize).min((band + 1) * TILE);
-        let comparable = self.test.reads_like(self.reference.picture()) && self.reference.shown().is_finite();
+        let comparable = self.test.reads_like(self.reference.picture()) && self.reference.is_finite();
         let mut found = Found {
             totals: vec![Default::default(); self.quantities.len()],
             same: match comparable {
@@ -159,7 +168,7 @@ impl Pass<'_> {
                     known,
                 };
                 match same {
-                    true => run.repeat(&mut found.totals),
+                    true => run.repeat(scratch, &mut found.totals),
                     false => found.n_non_finite += run.compare(scratch, &mut found.totals),
                 }
             }
@@ -186,7 +195,8 @@ fn cut<'a>(band: &'a mut Band, at: Range<usize>) -> Band<'a> {
 /// The columns of neighbouring tiles that are all the same, or all not.
 fn runs(same: &[bool], width: usize) -> Vec<(bool, Range<usize>)> {
     let mut start = 0;
-    let runs = same.chunk_by(|a, b| a == b).map(|tiles| {
+    let alike = same.chunk_by(|a, b| a == b);
+    let runs = alike.flat_map(|tiles| tiles.chunks(RUN / TILE)).map(|tiles| {
         let end = width.min(start + tiles.len() * TILE);
         (tiles[0], std::mem::replace(&mut start, end)..end)
     });
@@ -208,9 +218,10 @@ struct Run<'a> {
 
 impl Run<'_> {
     /// Where pixels are those of the reference: it is copied, and no error is left.
-    fn repeat(&mut self, totals: &mut [ByClass<f64>]) {
+    fn repeat(&mut self, scratch: &mut Scratch, totals: &mut [ByClass<f64>]) {
         if let Some(shown) = &mut self.shown {
-            let reference = self.pass.reference.shown().rows(self.y, self.columns.clone());
+            let shown_reference = self.pass.reference.shown();
+            let reference = shown_reference.rows(self.y, self.columns.clone(), &mut scratch.reference);
             shown
                 .iter_mut()
                 .zip(reference)
@@ -229,16 +240,21 @@ impl Run<'_> {
     fn compare(&mut self, scratch: &mut Scratch, totals: &mut [ByClass<f64>]) -> u64 {
         let (pass, y, columns, n) = (self.pass, self.y, self.columns.clone(), self.columns.len());
         let Scratch {
+            reference,
             shown,
             light,
             derived,
             samples,
         } = scratch;
         let samples = &mut samples[..n];
-        pass.test
-            .show(y, columns.clone(), shown.each_mut().map(|row| &mut row[..n]));
-        let shown = shown.each_ref().map(|row| &row[..n]);
-        let reference = pass.reference.shown().rows(y, columns.clone());
+        let reads_display = self.shown.is_some() || pass.quantities.iter().any(|quantity| quantity.reads_display());
+        let mut reference_shown = [&[][..]; 3];
+        if reads_display {
+            let rows = shown.each_mut().map(|row| &mut row[..n]);
+            pass.test.show(y, columns.clone(), rows);
+            reference_shown = pass.reference.shown().rows(y, columns.clone(), reference);
+        }
+        let (shown, reference) = (shown.each_ref().map(|row| &row[..n]), reference_shown);
         for (kept, row) in self.shown.iter_mut().flatten().zip(shown) {
             kept.copy_from_slice(row);
         }
@@ -282,7 +298,10 @@ impl Run<'_> {
                 add_squares(samples, classes, totals);
             }
         }
-        count_nan(reference[0], shown[0])
+        match reads_display {
+            true => count_nan(reference[0], shown[0]),
+            false => pass.test.n_non_finite(pass.reference.picture(), y, columns),
+        }
     }
 }
 
@@ -300,9 +319,10 @@ impl Pass<'_> {
 }
 
 impl Scratch {
-    fn new(width: usize) -> Self {
-        let row = || vec![0.0; width];
+    fn new() -> Self {
+        let row = || vec![0.0; RUN];
         Self {
+            reference: [(); 3].map(|()| row()),
             shown: [(); 3].map(|()| row()),
             light: [(); 2].map(|()| [(); 3].map(|()| row())),
             derived: [(); 2].map(|()| row()),
@@ -351,7 +371,13 @@ struct Compared<'a> {
 impl Compared<'_> {
     #[inline(always)]
     fn add(self, f: impl Fn(f64, f64) -> f64) {
-        for ((sample, r), t) in self.samples.iter_mut().zip(self.r).zip(self.t) {
+        let n = self.samples.len();
+        let (r, t) = (&self.r[..n], &self.t[..n]);
+        if self.classes.is_none() {
+            self.totals[0] += mask::sum(n, |i| f(r[i], t[i]));
+            return;
+        }
+        for ((sample, r), t) in self.samples.iter_mut().zip(r).zip(t) {
             *sample = f(*r, *t);
         }
         mask::accumulate(self.samples, self.classes, self.totals);

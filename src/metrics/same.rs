@@ -37,10 +37,7 @@ pub fn compare(a: &Picture, b: &Picture, y: Range<usize>) -> Vec<bool> {
     let width = a.extent().width as usize;
     let tile = |x: usize| {
         let columns = x..width.min(x + TILE);
-        y.clone().all(|y| {
-            let [a, b] = [a, b].map(|picture| bytemuck::cast_slice::<_, u32>(picture.pixels(y, columns.clone())));
-            a == b
-        })
+        y.clone().all(|y| a.has_pixels_of(b, y, columns.clone()))
     };
     (0..width).step_by(TILE).map(tile).collect()
 }

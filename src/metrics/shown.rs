@@ -1,6 +1,7 @@
 //! Display values of a whole image, for metrics whose samples need more than one pixel.
 
 use super::{
+    Picture,
     plane::Plane,
     quantity::Domain,
     rows::{code, luma},
@@ -9,61 +10,95 @@ use crate::image::Extent;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Display RGB in planes. A pixel with a non-finite component is NaN in all of them.
+/// Display RGB. A pixel with a non-finite component is NaN in all channels.
 pub struct Shown {
     extent: Extent,
-    planes: [Plane; 3],
-    is_finite: bool,
+    values: Values,
+}
+
+enum Values {
+    /// A transform that is too dear to be made twice.
+    Kept([Plane; 3]),
+    /// Codes, whose values are made where they are read.
+    Codes(Picture),
+}
+
+/// Room for values of a part of a row that are not stored.
+#[derive(Default)]
+pub struct RowScratch {
+    channels: [Vec<f64>; 3],
+    derived: Vec<f64>,
 }
 
 impl Shown {
-    pub fn new(extent: Extent, planes: [Plane; 3], is_finite: bool) -> Self {
+    pub fn kept(extent: Extent, planes: [Plane; 3]) -> Self {
         Self {
             extent,
-            planes,
-            is_finite,
+            values: Values::Kept(planes),
         }
     }
 
-    pub fn extent(&self) -> Extent {
-        self.extent
-    }
-
-    /// Whether every pixel is.
-    pub fn is_finite(&self) -> bool {
-        self.is_finite
+    /// Of a picture that [`Picture::is_codes`].
+    pub fn codes(picture: &Picture) -> Self {
+        Self {
+            extent: picture.extent(),
+            values: Values::Codes(picture.clone()),
+        }
     }
 
     /// Some columns of row `y`, of each channel.
-    pub fn rows(&self, y: usize, columns: Range<usize>) -> [&[f64]; 3] {
-        let start = y * self.extent.width as usize;
-        let at = start + columns.start..start + columns.end;
-        self.planes.each_ref().map(|plane| &plane[at.clone()])
+    pub fn rows<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut [Vec<f64>; 3]) -> [&'a [f64]; 3] {
+        match &self.values {
+            Values::Kept(planes) => {
+                let start = y * self.extent.width as usize;
+                let at = start + columns.start..start + columns.end;
+                planes.each_ref().map(|plane| &plane[at.clone()])
+            }
+            Values::Codes(picture) => {
+                let n = columns.len();
+                scratch.iter_mut().for_each(|row| row.resize(n, 0.0));
+                picture.show(y, columns, scratch.each_mut().map(Vec::as_mut_slice));
+                scratch.each_ref().map(Vec::as_slice)
+            }
+        }
     }
 
-    /// The same of one channel of a domain; values that are not stored are computed into `scratch`.
+    /// The same of one channel of a domain.
     pub fn row<'a>(
         &'a self,
         domain: Domain,
         channel: usize,
         y: usize,
         columns: Range<usize>,
-        scratch: &'a mut Vec<f64>,
+        scratch: &'a mut RowScratch,
     ) -> &'a [f64] {
-        let rows = self.rows(y, columns);
+        let RowScratch { channels, derived } = scratch;
+        derived.resize(columns.len(), 0.0);
         match domain {
-            Domain::Display => rows[channel],
+            Domain::Display => self.channel(channel, y, columns, &mut channels[channel]),
             Domain::Luma => {
-                scratch.resize(rows[0].len(), 0.0);
-                luma(rows, scratch);
-                scratch
+                luma(self.rows(y, columns, channels), derived);
+                derived
             }
             Domain::U8 => {
-                scratch.resize(rows[0].len(), 0.0);
-                code([rows[channel]; 3], scratch);
-                scratch
+                code([self.channel(channel, y, columns, &mut channels[channel]); 3], derived);
+                derived
             }
             Domain::Linear => unreachable!("no metric compares neighbours of linear values"),
+        }
+    }
+
+    fn channel<'a>(&'a self, channel: usize, y: usize, columns: Range<usize>, scratch: &'a mut Vec<f64>) -> &'a [f64] {
+        match &self.values {
+            Values::Kept(planes) => {
+                let start = y * self.extent.width as usize;
+                &planes[channel][start + columns.start..start + columns.end]
+            }
+            Values::Codes(picture) => {
+                scratch.resize(columns.len(), 0.0);
+                picture.show_channel(channel, y, columns, scratch);
+                scratch
+            }
         }
     }
 
@@ -71,6 +106,8 @@ impl Shown {
     pub fn luma(&self, plane: &mut [f64]) {
         let width = self.extent.width as usize;
         let rows = plane.par_chunks_mut(width).enumerate();
-        rows.for_each(|(y, row)| luma(self.rows(y, 0..width), row));
+        rows.for_each_init(Default::default, |scratch, (y, row)| {
+            luma(self.rows(y, 0..width, scratch), row);
+        });
     }
 }

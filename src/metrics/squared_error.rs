@@ -118,11 +118,8 @@ mod tests {
         metrics::{Metric, Picture, Reference},
     };
 
-    fn scores(reference: [f32; 3], test: [f32; 3]) -> impl Fn(Metric) -> f64 {
-        let picture = |codes: [f32; 3]| {
-            let image = Image::filled(Extent::new(37, 3), codes.map(|code| code / 255.0));
-            Picture::codes(image, 255)
-        };
+    fn scores(reference: [u16; 3], test: [u16; 3]) -> impl Fn(Metric) -> f64 {
+        let picture = |codes: [u16; 3]| Picture::codes(Image::filled(Extent::new(37, 3), codes), 255);
         let scores = Reference::new(picture(reference), &Metric::ALL[..7]).evaluate(&picture(test));
         let scores = scores.unwrap();
         move |metric| scores.values[metric.id()].0
@@ -130,7 +127,7 @@ mod tests {
 
     #[test]
     fn constant_images_by_hand() {
-        let score = scores([51.0, 102.0, 0.0], [51.0, 153.0, 0.0]);
+        let score = scores([51, 102, 0], [51, 153, 0]);
         let near = |metric: Metric, expected: f64| {
             let actual = score(metric);
             assert!(
@@ -148,9 +145,9 @@ mod tests {
 
     #[test]
     fn black_against_black_is_perfect_and_black_against_white_is_not() {
-        let equal = scores([0.0; 3], [0.0; 3]);
+        let equal = scores([0; 3], [0; 3]);
         assert_eq!([equal(Metric::SNR), equal(Metric::PSNR)], [f64::INFINITY; 2]);
-        let worst = scores([0.0; 3], [255.0; 3]);
+        let worst = scores([0; 3], [255; 3]);
         assert_eq!([worst(Metric::SNR), worst(Metric::PSNR)], [f64::NEG_INFINITY, 0.0]);
     }
 }

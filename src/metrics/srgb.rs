@@ -1,4 +1,4 @@
-//! The sRGB transfer function in f64, both ways, to within two units in the last place of `libm::pow`. A frame of
+//! The sRGB transfer function in f64, both ways, to within three units in the last place of `libm::pow`. A frame of
 //! 1080p encodes six million values, which `pow` would make the most expensive part of every metric.
 
 use std::sync::LazyLock;
@@ -16,37 +16,35 @@ const N_CELLS: usize = (-LOWEST_EXPONENT as usize) << CELL_BITS;
 /// The exponent of the transfer function.
 const P: f64 = 1.0 / 2.4;
 
-/// Coefficients of `(1 + r)^P − 1` after `r`: the binomial series. A cell spans |r| ≤ 2⁻⁷, so what follows r⁶ is below
-/// 2⁻⁵⁵.
-const SERIES: [f64; 6] = {
+/// Coefficients of `(1 + r)^P − 1` after `r`, for |r| ≤ 2⁻⁷, which is what a cell spans: the binomial series, whose sixth
+/// power is replaced by the even powers below that are nearest to it (those of Chebyshev's polynomial): what it is by itself,
+/// then the coefficients. Within 2e-16.
+const SERIES: (f64, [f64; 5]) = {
     let mut series = [P; 6];
     let mut k = 1;
     while k < 6 {
         series[k] = series[k - 1] * (P - k as f64) / (k as f64 + 1.0);
         k += 1;
     }
-    series
+    let [s1, s2, s3, s4, s5, s6] = series;
+    const SPAN: f64 = 1.0 / ((1 << 7) * (1 << 7)) as f64;
+    let coefficients = [s1, s2 - 9.0 / 16.0 * SPAN * SPAN * s6, s3, s4 + 1.5 * SPAN * s6, s5];
+    (SPAN * SPAN * SPAN * s6 / 32.0, coefficients)
 };
 
-/// Places in the table: a power of two, so that masking a cell's number proves that it lies inside.
+/// Places in the table: a power of two, so that masking the leading bits of a number proves that they lie inside.
 const N_PLACES: usize = (N_CELLS + 1).next_power_of_two();
 
-/// Of each cell: one over its centre, and its centre to the power `P` times 1.055.
-struct Cells {
-    inverses: [f64; N_PLACES],
-    powers: [f64; N_PLACES],
-}
-
-static CELLS: LazyLock<Cells> = LazyLock::new(|| {
-    let mut cells = Cells {
-        inverses: [0.0; N_PLACES],
-        powers: [0.0; N_PLACES],
-    };
-    for cell in 0..=N_CELLS {
-        let bits = (FIRST_CELL + cell as u64) << (52 - CELL_BITS);
-        let centre = f64::from_bits(bits + (1 << (51 - CELL_BITS)));
-        cells.inverses[cell] = 1.0 / centre;
-        cells.powers[cell] = 1.055 * libm::pow(centre, P);
+/// Of each cell, by its number's last bits: one over its centre, and its centre encoded. The last cell holds 1 alone, which
+/// stays exactly 1.
+static CELLS: LazyLock<[[f64; 2]; N_PLACES]> = LazyLock::new(|| {
+    let mut cells = [[0.0; 2]; N_PLACES];
+    for cell in FIRST_CELL..=FIRST_CELL + N_CELLS as u64 {
+        let start = f64::from_bits(cell << (52 - CELL_BITS));
+        let centre = f64::from_bits((cell << (52 - CELL_BITS)) + (1 << (51 - CELL_BITS)));
+        let power = 1.055 * libm::pow(centre, P);
+        let of_cell = [1.0 / centre, libm::fma(power, SERIES.0, power - 0.055)];
+        cells[cell as usize % N_PLACES] = if start < 1.0 { of_cell } else { [1.0; 2] };
     }
     cells
 });
@@ -57,30 +55,25 @@ static CELLS: LazyLock<Cells> = LazyLock::new(|| {
 #[inline(always)]
 pub fn encode<const N: usize>(values: &mut [f64; N]) {
     let cells = &*CELLS;
-    let linear = *values;
     let mut places = [0; N];
-    for (place, linear) in places.iter_mut().zip(linear) {
-        let above = if linear > LINEAR_BELOW { linear } else { LINEAR_BELOW };
-        let within = if above < 1.0 { above } else { 1.0 };
-        *place = (within.to_bits() >> (52 - CELL_BITS)).wrapping_sub(FIRST_CELL);
+    for (place, value) in places.iter_mut().zip(&mut *values) {
+        // NaN passes both, as it would not through `clamp`.
+        *value = if *value > 1.0 { 1.0 } else { *value };
+        *value = if *value < 0.0 { 0.0 } else { *value };
+        *place = value.to_bits() >> (52 - CELL_BITS);
     }
-    let (mut inverses, mut powers) = ([0.0; N], [0.0; N]);
+    let mut found = [[0.0; 2]; N];
     for i in 0..N {
-        let place = places[i] as usize % N_PLACES;
-        (inverses[i], powers[i]) = (cells.inverses[place], cells.powers[place]);
+        found[i] = cells[places[i] as usize % N_PLACES];
     }
-    let [s1, s2, s3, s4, s5, s6] = SERIES;
+    let (_, [s1, s2, s3, s4, s5]) = SERIES;
     for i in 0..N {
-        let r = linear[i] * inverses[i] - 1.0;
-        let series = r * (s1 + r * (s2 + r * (s3 + r * (s4 + r * (s5 + r * s6)))));
-        values[i] = powers[i] + powers[i] * series - 0.055;
-    }
-    for i in 0..N {
-        let straight = 12.92 * if linear[i] > 0.0 { linear[i] } else { 0.0 };
-        values[i] = if linear[i] <= LINEAR_BELOW { straight } else { values[i] };
-    }
-    for i in 0..N {
-        values[i] = if linear[i] >= 1.0 { 1.0 } else { values[i] };
+        let (linear, [inverse, encoded]) = (values[i], found[i]);
+        let r = linear.mul_add(inverse, -1.0);
+        let series = r * r.mul_add(r.mul_add(r.mul_add(r.mul_add(s5, s4), s3), s2), s1);
+        let curve = (encoded + 0.055).mul_add(series, encoded);
+        // Below, the curve is that of some other cell.
+        values[i] = if linear <= LINEAR_BELOW { 12.92 * linear } else { curve };
     }
 }
 

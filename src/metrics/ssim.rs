@@ -10,7 +10,7 @@
 //! (μS² + μD² + 2 C1) (σS² + σD² + 2 C2)
 //! ```
 //!
-//! which needs four filtered planes instead of five, is symmetric to the last bit, and is exactly 1 for equal images.
+//! which needs four filtered values instead of five, is symmetric to the last bit, and is exactly 1 for equal images.
 //! Windows are separable: each row of a tile is filtered once, each column over a ring of the last eleven rows.
 
 use super::{
@@ -20,7 +20,7 @@ use super::{
     quantity::{Domain, Quantity, Sums},
     reference::Pair,
     same::Same,
-    shown::Shown,
+    shown::{RowScratch, Shown},
     vector::vectorised,
 };
 use crate::image::{Extent, Image};
@@ -135,9 +135,9 @@ pub(super) fn map(pair: &Pair, domain: Domain) -> Image<f32> {
     map
 }
 
-fn windows_of<'a>(pair: &Pair<'a>, domain: Domain, channel: usize) -> Windows<'a, Channel<'a>> {
-    let images = [pair.reference.shown(), pair.shown].map(|shown| Channel { shown, domain, channel });
-    Windows::new(images, stabilisers(domain.peak()), pair.same, 0)
+fn windows_of<'a>(pair: &'a Pair, domain: Domain, channel: usize) -> Windows<'a, Channel<'a>> {
+    let images = [pair.reference.shown(), pair.shown()].map(|shown| Channel { shown, domain, channel });
+    Windows::new(images, stabilisers(domain.peak()), &pair.same, 0)
 }
 
 /// How many windows fit in each axis.
@@ -145,10 +145,17 @@ pub(super) fn valid_extent(extent: Extent) -> Extent {
     Extent::new(extent.width - 2 * HALF as u32, extent.height - 2 * HALF as u32)
 }
 
-/// One row of a tile, of the planes S, D, S² and D².
-type Input = [[f64; TILE_INPUT]; 4];
+/// S, D, S² and D² of a pixel, or their means over a window. They lie side by side: what a filter adds up is then always a
+/// whole number of vectors away, and is never read across two cache lines.
+const MOMENTS: usize = 4;
+
+/// One row of a tile.
+#[repr(align(64))]
+struct Input([f64; MOMENTS * TILE_INPUT]);
 /// The same, filtered along the row.
-type Row = [[f64; TILE]; 4];
+#[repr(align(64))]
+#[derive(Clone, Copy)]
+struct Row([f64; MOMENTS * TILE]);
 /// Windows of two rows are filtered at once, since they share all but one row each.
 const RING: usize = WINDOW + 1;
 type Ring = [Row; RING];
@@ -156,7 +163,7 @@ type Ring = [Row; RING];
 /// One channel of an image, to be read by rows.
 pub(super) trait Rows {
     /// The `columns` of row `y`, which may be put into `scratch`.
-    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut Vec<f64>) -> &'a [f64];
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut RowScratch) -> &'a [f64];
 }
 
 struct Channel<'a> {
@@ -166,7 +173,7 @@ struct Channel<'a> {
 }
 
 impl Rows for Channel<'_> {
-    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut Vec<f64>) -> &'a [f64] {
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut RowScratch) -> &'a [f64] {
         self.shown.row(self.domain, self.channel, y, columns, scratch)
     }
 }
@@ -187,8 +194,8 @@ pub(super) struct Windows<'a, R> {
     same: &'a Same,
     /// How often the images were halved since `same` was found.
     scale: u32,
-    scratch: [Vec<f64>; 2],
-    input: Input,
+    scratch: [RowScratch; 2],
+    input: Box<Input>,
     /// The last rows, filtered along themselves.
     ring: Box<Ring>,
 }
@@ -201,8 +208,8 @@ impl<'a, R: Rows> Windows<'a, R> {
             same,
             scale,
             scratch: Default::default(),
-            input: [[0.0; TILE_INPUT]; 4],
-            ring: Box::new([[[0.0; TILE]; 4]; RING]),
+            input: Box::new(Input([0.0; MOMENTS * TILE_INPUT])),
+            ring: Box::new([Row([0.0; MOMENTS * TILE]); RING]),
         }
     }
 
@@ -215,7 +222,7 @@ impl<'a, R: Rows> Windows<'a, R> {
         part: Part,
         mut f: impl FnMut(usize, usize, &[f64]),
     ) {
-        let mut means = [[[0.0; TILE]; 4]; 2];
+        let mut means = [Row([0.0; MOMENTS * TILE]); 2];
         let mut indices = [0.0; TILE];
         for x in (0..width).step_by(TILE) {
             let n = TILE.min(width - x);
@@ -262,26 +269,18 @@ impl<'a, R: Rows> Windows<'a, R> {
 vectorised! {
     /// Filters a row of both images; beyond `r` and `t`, `input` keeps what it held.
     fn filter_row<'a>(r: &'a [f64], t: &'a [f64], input: &'a mut Input, filtered: &'a mut Row) {
-        let weights = *WEIGHTS;
-        let n = r.len().min(TILE_INPUT);
-        let (r, t) = (&r[..n], &t[..n]);
-        let [s, d, ss, dd] = &mut *input;
-        for i in 0..n {
-            (s[i], d[i]) = (t[i] + r[i], t[i] - r[i]);
-            (ss[i], dd[i]) = (s[i] * s[i], d[i] * d[i]);
+        let (pixels, _) = input.0.as_chunks_mut::<MOMENTS>();
+        for ((moments, r), t) in pixels.iter_mut().zip(r).zip(t) {
+            let (s, d) = (t + r, t - r);
+            *moments = [s, d, s * s, d * d];
         }
-        for (plane, filtered) in input.iter().zip(filtered) {
-            let mut columns = [plane.first_chunk::<TILE>().expect("a tile is no wider than its input"); WINDOW];
-            for (i, column) in columns.iter_mut().enumerate() {
-                *column = plane[i..].first_chunk().expect("a tile and its borders fill the row");
-            }
-            for i in 0..TILE {
-                let mut taps = [0.0; WINDOW];
-                for (tap, column) in taps.iter_mut().zip(columns) {
-                    *tap = column[i];
-                }
-                filtered[i] = weigh(weights, taps);
-            }
+        let weights = *WEIGHTS;
+        let mut pixels: [&[f64; MOMENTS * TILE]; WINDOW] = [input.0.first_chunk().expect("a tile is no wider than its input"); WINDOW];
+        for (i, pixel) in pixels.iter_mut().enumerate() {
+            *pixel = input.0[MOMENTS * i..].first_chunk().expect("a tile and its borders fill the row");
+        }
+        for i in 0..MOMENTS * TILE {
+            filtered.0[i] = weigh(weights, &pixels, i);
         }
     }
 
@@ -289,52 +288,45 @@ vectorised! {
     fn filter_columns<'a>(ring: &'a Ring, first: usize, means: &'a mut [Row; 2]) {
         let weights = *WEIGHTS;
         let [above, below] = means;
-        for plane in 0..4 {
-            let mut rows = [&ring[0][plane]; RING];
-            for (i, row) in rows.iter_mut().enumerate() {
-                *row = &ring[(first + i) % RING][plane];
-            }
-            for i in 0..TILE {
-                let mut taps = [0.0; RING];
-                for (tap, row) in taps.iter_mut().zip(rows) {
-                    *tap = row[i];
-                }
-                let [upper @ .., _] = taps;
-                let [_, lower @ ..] = taps;
-                (above[plane][i], below[plane][i]) = (weigh(weights, upper), weigh(weights, lower));
-            }
+        let mut rows = [&ring[0].0; RING];
+        for (i, row) in rows.iter_mut().enumerate() {
+            *row = &ring[(first + i) % RING].0;
+        }
+        let upper = rows.first_chunk().expect("all but the last");
+        let lower = rows.last_chunk().expect("all but the first");
+        for i in 0..MOMENTS * TILE {
+            above.0[i] = weigh(weights, upper, i);
+            below.0[i] = weigh(weights, lower, i);
         }
     }
 
     /// The index of each window.
     fn compare<'a>(means: &'a Row, stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
-        let ([s, d, ss, dd], [c1, c2]) = (means, stabilisers);
-        for i in 0..TILE {
-            let (mean_s, mean_d) = (s[i] * s[i], d[i] * d[i]);
-            let (var_s, var_d) = (ss[i] - mean_s, dd[i] - mean_d);
+        let [c1, c2] = stabilisers;
+        for (index, [s, d, ss, dd]) in indices.iter_mut().zip(means.0.as_chunks().0) {
+            let (mean_s, mean_d) = (s * s, d * d);
+            let (var_s, var_d) = (ss - mean_s, dd - mean_d);
             let above = (mean_s - mean_d + 2.0 * c1) * (var_s - var_d + 2.0 * c2);
             let below = (mean_s + mean_d + 2.0 * c1) * (var_s + var_d + 2.0 * c2);
-            indices[i] = above / below;
+            *index = above / below;
         }
     }
 
     /// The part of each index that compares contrast and structure, and leaves out brightness.
     fn compare_contrast<'a>(means: &'a Row, stabilisers: [f64; 2], indices: &'a mut [f64; TILE]) {
-        let ([s, d, ss, dd], [_, c2]) = (means, stabilisers);
-        for i in 0..TILE {
-            let (var_s, var_d) = (ss[i] - s[i] * s[i], dd[i] - d[i] * d[i]);
-            indices[i] = (var_s - var_d + 2.0 * c2) / (var_s + var_d + 2.0 * c2);
+        let [_, c2] = stabilisers;
+        for (index, [s, d, ss, dd]) in indices.iter_mut().zip(means.0.as_chunks().0) {
+            let (var_s, var_d) = (ss - s * s, dd - d * d);
+            *index = (var_s - var_d + 2.0 * c2) / (var_s + var_d + 2.0 * c2);
         }
     }
 }
 
-/// The weighted sum of a window's row or column. Pairs at equal distance share a weight.
+/// The weighted sum at `i` of a window's pixels or rows. Pairs at equal distance share a weight.
 #[inline(always)]
-fn weigh(
-    [w0, w1, w2, w3, w4, w5]: [f64; HALF + 1],
-    [l5, l4, l3, l2, l1, centre, r1, r2, r3, r4, r5]: [f64; WINDOW],
-) -> f64 {
-    let near = w2.mul_add(l2 + r2, w1.mul_add(l1 + r1, w0 * centre));
-    let far = w5.mul_add(l5 + r5, w4.mul_add(l4 + r4, w3 * (l3 + r3)));
+fn weigh<const N: usize>([w0, w1, w2, w3, w4, w5]: [f64; HALF + 1], taps: &[&[f64; N]; WINDOW], i: usize) -> f64 {
+    let [l5, l4, l3, l2, l1, centre, r1, r2, r3, r4, r5] = taps;
+    let near = w2.mul_add(l2[i] + r2[i], w1.mul_add(l1[i] + r1[i], w0 * centre[i]));
+    let far = w5.mul_add(l5[i] + r5[i], w4.mul_add(l4[i] + r4[i], w3 * (l3[i] + r3[i])));
     near + far
 }

@@ -12,7 +12,7 @@ mod validation;
 use crate::{
     gpu::{Gpu, GpuError},
     image::Image,
-    metrics::{Metric, gpu::GpuMetricError},
+    metrics::{Metric, Picture, gpu::GpuMetricError},
     sequence::{Sequence, SequenceError, frame::Rgb},
     taa::{PRESETS, Precision, Preset},
 };
@@ -117,6 +117,16 @@ pub trait Observer: Sync {
     fn wants_output(&self) -> bool;
     /// The shown image of one frame of `spec.presets[preset_index]`, linear RGB.
     fn output(&self, preset_index: usize, frame_index: usize, image: &Image<Rgb>) -> Result<(), std::io::Error>;
+    /// The same image beside its reference, where the run has metrics. Nothing by default.
+    fn compared(
+        &self,
+        _preset_index: usize,
+        _frame_index: usize,
+        _reference: &Picture,
+        _test: &Picture,
+    ) -> Result<(), std::io::Error> {
+        Ok(())
+    }
     /// Asked between frames; `true` ends the run with [`RunError::Cancelled`].
     fn cancelled(&self) -> bool;
 }

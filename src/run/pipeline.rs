@@ -79,7 +79,13 @@ fn joined<T>(thread: ScopedJoinHandle<'_, T>, work: &str) -> Result<T, RunError>
 fn write(kept: &Receiver<Shown>, observer: &dyn Observer) -> Result<f64, RunError> {
     let mut total_ms = 0.0;
     for shown in kept {
-        let (written, ms) = timed(|| observer.output(shown.preset_index, shown.frame_index, &shown.image));
+        let (written, ms) = timed(|| {
+            observer.output(shown.preset_index, shown.frame_index, &shown.image)?;
+            match &shown.pictures {
+                Some([reference, test]) => observer.compared(shown.preset_index, shown.frame_index, reference, test),
+                None => Ok(()),
+            }
+        });
         written.map_err(|error| RunError::Internal(format!("writing frame {}: {error}", shown.frame_index)))?;
         total_ms += ms;
     }

@@ -54,6 +54,8 @@ pub struct Shown {
     pub preset_index: usize,
     pub frame_index: usize,
     pub image: Arc<Image<Rgb>>,
+    /// What it is compared with, and itself as metrics see it.
+    pub pictures: Option<[Picture; 2]>,
 }
 
 /// One preset's frames so far, and every time measured on its passes after warm-up.
@@ -153,7 +155,10 @@ impl<'a> Scorer<'a> {
                 self.plan.n_frames * n_systems + self.plan.n_validated,
             );
         }
-        self.reference = reference;
+        self.reference = reference.map(|mut reference| {
+            reference.retire();
+            reference
+        });
         Ok(())
     }
 
@@ -195,12 +200,13 @@ impl<'a> Scorer<'a> {
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
         if let (Some(keep), Some(image)) = (&self.keep, image) {
-            let shown = Shown {
+            let kept = Shown {
                 preset_index: index,
                 frame_index: frame.index,
                 image,
+                pictures: truth.cloned().zip(shown).map(<[Picture; 2]>::from),
             };
-            keep.send(shown)
+            keep.send(kept)
                 .map_err(|_| RunError::Internal("the writer stopped".to_owned()))?;
         }
         let mut times_ms = self.gather_times(index, pass_ms, warmup);

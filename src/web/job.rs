@@ -7,7 +7,7 @@ use super::{
     parts,
 };
 use crate::{
-    metrics::Value,
+    metrics::{Metric, Value},
     run::report::FrameReport,
     server::{ApiError, ApiPath, ApiQuery, DEFAULT_MAX_ERROR, Shared},
     store::{FailureKind, GPU_TIME, Images, Job, Report, ReportFilter, Sequence, Timestamp},
@@ -37,6 +37,8 @@ pub struct JobQuery {
     frame: Option<usize>,
     /// The error that is drawn white.
     max: Option<f32>,
+    /// The metric whose map is shown in place of the error.
+    map: Option<String>,
 }
 
 /// What the script needs.
@@ -299,16 +301,20 @@ impl Results {
             .max
             .filter(|max| ERROR_SCALES.contains(max))
             .unwrap_or(DEFAULT_MAX_ERROR);
+        let has_map = |id: &&String| id.parse().is_ok_and(|metric: Metric| metric.check_map().is_ok());
+        let maps: Vec<&String> = self.metrics.iter().filter(has_map).collect();
+        let map = query.map.as_ref().filter(|id| maps.contains(id));
         let figure = |id: &str, name: &str, rest: Markup| {
-            let scale = if id == "error" {
-                format!("?max={chosen_max}")
-            } else {
-                String::new()
+            let (file, scale) = match (id, map) {
+                ("error", Some(map)) => (map.as_str(), String::new()),
+                ("error", None) => (id, format!("?max={chosen_max}")),
+                _ => (id, String::new()),
             };
+            let png = format!("{base}/{file}.png{scale}");
             html! {
                 figure {
-                    a href={ (base) "/" (id) ".png" (scale) } { img #{ "image-" (id) } src={ (base) "/" (id) ".png" (scale) } alt={ (name) " of frame " (frame) }; }
-                    figcaption { b { (name) } (rest) a #{ "exr-" (id) } href={ (base) "/" (id) ".exr" } { "EXR" } }
+                    a href=(png) { img #{ "image-" (id) } src=(png) alt={ (name) " of frame " (frame) }; }
+                    figcaption { b #{ (id) "-name" } { (name) } (rest) a #{ "exr-" (id) } href={ (base) "/" (file) ".exr" } { "EXR" } }
                 }
             }
         };
@@ -326,6 +332,10 @@ impl Results {
                     output #frame-text for="frame" { "frame " (frame) " of " (last) }
                 }
                 @if self.has_reference {
+                    label { "Map" select #map name="map" {
+                        option value="error" { "error" }
+                        @for id in &maps { option value=(id) selected[map == Some(*id)] { (id) } }
+                    } }
                     label { "Error shown up to" select #max name="max" {
                         @for max in ERROR_SCALES { option value=(max) selected[max == chosen_max] { (max) } }
                     } }
@@ -336,10 +346,10 @@ impl Results {
                 (figure("output", "Output", html! {}))
                 @if self.has_reference {
                     (figure("reference", "Reference", html! {}))
-                    (figure("error", "Error", html! { span { "0 " img.scale src=(super::assets::url("scale.png")) alt="black to white"; " " span #max-text { (chosen_max) } } }))
+                    (figure("error", map.map_or("Error", String::as_str), html! { span #error-scale hidden[map.is_some()] { "0 " img.scale src=(super::assets::url("scale.png")) alt="black to white"; " " span #max-text { (chosen_max) } } }))
                 }
             }
-            p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta." }
+            p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta. Maps of metrics: black where they are perfect." }
         }
     }
 

@@ -115,6 +115,37 @@ fn run_writes_the_shown_frames() {
 }
 
 #[test]
+fn run_draws_maps_beside_the_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = folder.path().to_str().unwrap();
+    let asked = [
+        "run",
+        "fixtures/pan",
+        "--preset",
+        "ema",
+        "--frames",
+        "2",
+        "--metrics",
+        "psnr",
+    ];
+    let maps = |maps| [&asked[..], &["--images", images, "--maps", maps]].concat();
+    succeed(&maps("flip,ssim"));
+    for name in ["flip_0000", "flip_0001", "ssim_0000", "ssim_0001"] {
+        for extension in ["png", "exr"] {
+            let path = folder.path().join(format!("ema/{name}.{extension}"));
+            assert!(path.is_file(), "{}", path.display());
+        }
+    }
+    let complaint = refuse(&maps("flicker"));
+    assert!(
+        complaint.contains("--maps") && complaint.contains("`flicker` has no map"),
+        "{complaint}"
+    );
+    let complaint = refuse(&[&asked[..], &["--maps", "flip"]].concat());
+    assert!(complaint.contains("--images"), "{complaint}");
+}
+
+#[test]
 fn overrides_change_the_result_and_mistakes_are_named() {
     let psnr = |set: &str| {
         let json = succeed(&["run", "fixtures/pan", "--preset", "ema", "--set", set, "--json", "-"]);

@@ -1,20 +1,22 @@
 //! What must hold for any input.
 
-use crate::support::{cpu_scores, metrics_for, noise, perfect};
+use crate::support::{DeviceScorer, cpu_scores, gpu_tolerance, metrics_for, noise, perfect};
 use afterimage::{
     image::{Extent, Image},
     metrics::{Better, Display, FrameScores, Metric, Tonemap},
     sequence::frame::Rgb,
 };
 use proptest::prelude::*;
+use std::sync::Arc;
+
+const DISPLAY: Display = Display {
+    exposure: 1.0,
+    tonemap: Tonemap::ReinhardMax,
+};
 
 fn score(reference: &Image<Rgb>, test: &Image<Rgb>) -> FrameScores {
-    let display = Display {
-        exposure: 1.0,
-        tonemap: Tonemap::ReinhardMax,
-    };
     let metrics = metrics_for(reference.extent());
-    cpu_scores(reference, test, display, &metrics).unwrap()
+    cpu_scores(reference, test, DISPLAY, &metrics).unwrap()
 }
 
 fn picture(extent: Extent, seed: u32) -> Image<Rgb> {
@@ -26,15 +28,31 @@ fn picture(extent: Extent, seed: u32) -> Image<Rgb> {
 #[test]
 fn metrics_get_worse_as_noise_grows() {
     let reference = picture(Extent::new(167, 161), 1);
+    assert_worse_with_noise(&reference, |test| score(&reference, test));
+}
+
+#[test]
+fn metrics_get_worse_as_noise_grows_on_the_gpu() {
+    let reference = picture(Extent::new(167, 161), 1);
+    let mut device = on_gpu(reference.extent());
+    let shared = Arc::new(reference.clone());
+    assert_worse_with_noise(&reference, |test| device.score(&shared, test, None, true));
+}
+
+fn on_gpu(extent: Extent) -> DeviceScorer {
+    DeviceScorer::new(extent, DISPLAY, &metrics_for(extent))
+}
+
+fn assert_worse_with_noise(reference: &Image<Rgb>, mut score: impl FnMut(&Image<Rgb>) -> FrameScores) {
     let noisy = |amplitude: f32| {
         Image::from_fn(reference.extent(), |x, y| {
             let offset = amplitude * (noise(x, y, 9) - 0.5);
             reference.at(x, y).map(|c| c * (1.0 + offset))
         })
     };
-    let mut previous = score(&reference, &reference).values;
+    let mut previous = score(reference).values;
     for amplitude in [0.05, 0.1, 0.2, 0.4, 0.8] {
-        let values = score(&reference, &noisy(amplitude)).values;
+        let values = score(&noisy(amplitude)).values;
         for metric in metrics_for(reference.extent()) {
             let (now, before) = (values[metric.id()].0, previous[metric.id()].0);
             let worse = match metric.info().better {
@@ -78,6 +96,15 @@ fn a_wide_strip_has_the_score_of_its_repeated_tile() {
         assert!((wide - narrow).abs() < 1e-9, "{metric}: {wide} and {narrow}");
     }
     assert!(wide["ssim"].0.is_finite());
+    let gpu = on_gpu(extent).score(&Arc::new(reference), &test, None, true).values;
+    for metric in metrics_for(extent) {
+        let (cpu, gpu) = (wide[metric.id()].0, gpu[metric.id()].0);
+        let tolerance = gpu_tolerance(metric, cpu, extent.n_pixels());
+        assert!(
+            (cpu - gpu).abs() <= tolerance,
+            "{metric}: {gpu} on the GPU, {cpu} on the CPU"
+        );
+    }
 }
 
 proptest! {

@@ -77,17 +77,33 @@ pub fn execute(spec: &RunSpec, sequence: &Sequence) -> Report {
     run::execute(spec, sequence, gpu(), &Count::new(usize::MAX)).unwrap()
 }
 
-/// Every metric over all pixels and over each mask: of every frame, and of the whole sequence.
 #[test]
 fn metrics_agree_wherever_they_are_computed() {
-    let sequence = sequence("fixtures/pan");
+    agree_wherever_computed("fixtures/pan", &["inside", "salvi2016"]);
+}
+
+/// Vectors are those of the texel under a pixel, times the scale.
+#[test]
+fn metrics_of_upsampled_frames_agree_wherever_they_are_computed() {
+    agree_wherever_computed("fixtures/upscale", &["taau"]);
+}
+
+/// Half of the vectors of every frame are none.
+#[test]
+fn metrics_of_a_checkerboard_agree_wherever_they_are_computed() {
+    agree_wherever_computed("fixtures/checkerboard", &["checkerboard"]);
+}
+
+/// Every metric over all pixels and over each mask: of every frame, and of the whole sequence.
+fn agree_wherever_computed(path: &str, presets: &[&str]) {
+    let sequence = sequence(path);
     let extent = sequence.output_size();
     let on = |metrics_on| {
         let metrics = all_metrics(extent);
         let wanted = RunSpec {
             metrics_on,
             metrics,
-            ..spec(&["inside", "salvi2016"])
+            ..spec(presets)
         };
         execute(&wanted, &sequence)
     };
@@ -110,7 +126,11 @@ fn metrics_agree_wherever_they_are_computed() {
             }
         }
         assert!(a.summary.keys().eq(b.summary.keys()));
-        assert!(a.summary.len() > Metric::ALL.len(), "{:?}", a.summary.keys());
+        assert!(
+            a.summary.len() >= metrics_for(extent).len() + 7,
+            "{:?}",
+            a.summary.keys()
+        );
         for (id, summary) in &a.summary {
             agree("mean".to_owned(), id, summary.mean, b.summary[id].mean);
         }

@@ -1,12 +1,16 @@
 //! Temporal metrics against sequences whose answers are known by hand, and against defects that they must see.
 
-use crate::support::{cpu_scores, noise};
+use crate::{
+    golden::{agree, fixture},
+    support::{DeviceScorer, cpu_scores, gpu_tolerance, noise},
+};
 use afterimage::{
     image::{Extent, Image},
     metrics::{Display, FrameScores, LateValue, Metric, Picture, Reference, Track, display::linear_from_srgb},
     sequence::frame::Rgb,
 };
-use std::sync::Arc;
+use serde::Deserialize;
+use std::{collections::BTreeMap, sync::Arc};
 
 const EXTENT: Extent = Extent::new(48, 32);
 const TEMPORAL: [Metric; 8] = [
@@ -200,4 +204,160 @@ fn two_images_have_no_temporal_value() {
     let image = reference(0, 0.0);
     let error = cpu_scores(&image, &image, Display::default(), &[Metric::FLICKER]);
     assert!(error.unwrap_err().to_string().contains("`flicker` needs a sequence"));
+}
+
+/// Of a sequence in `fixtures/golden`.
+const GOLDEN: Extent = Extent::new(64, 40);
+const GOLDEN_METRICS: [Metric; 7] = [
+    Metric::TPSNR,
+    Metric::WARPED_TPSNR,
+    Metric::WARP_EXCESS,
+    Metric::FLICKER,
+    Metric::FLICKER_LOCAL,
+    Metric::GHOST,
+    Metric::BLUR,
+];
+
+#[derive(Deserialize)]
+struct GoldenSequence {
+    /// From the second frame on.
+    frames: Vec<BTreeMap<Metric, f64>>,
+    #[serde(rename = "flicker.local")]
+    flicker_local: f64,
+}
+
+fn golden_codes(name: &str) -> Vec<Image<[u16; 3]>> {
+    let bytes = std::fs::read(fixture(&format!("seq_{name}.rgb8"))).unwrap();
+    let frames = bytes.chunks_exact(3 * GOLDEN.n_pixels()).map(|frame| {
+        let pixels = frame.as_chunks().0.iter().map(|pixel: &[u8; 3]| pixel.map(u16::from));
+        Image::from_pixels(GOLDEN, pixels.collect())
+    });
+    frames.collect()
+}
+
+fn golden_motion() -> Arc<Image<[f32; 2]>> {
+    Arc::new(Image::filled(GOLDEN, [-1.5, 0.0]))
+}
+
+/// Scores of every frame, and `flicker.local` of all.
+type Scored = (Vec<FrameScores>, f64);
+
+fn golden_on_cpu(name: &str) -> Scored {
+    let mut track = Track::new(&GOLDEN_METRICS);
+    let mut previous: Option<Reference> = None;
+    let mut scores = Vec::new();
+    for (reference, test) in golden_codes("ref").into_iter().zip(golden_codes(name)) {
+        let reference = Picture::codes(reference, 255);
+        let mut reference = match &previous {
+            None => Reference::new(reference, &GOLDEN_METRICS),
+            Some(previous) => previous.follow(reference, Some(&golden_motion())),
+        };
+        scores.push(track.score(&reference, &Picture::codes(test, 255), true).unwrap());
+        reference.retire();
+        previous = Some(reference);
+    }
+    (scores, track.finish()[0].value.0)
+}
+
+fn golden_on_gpu(name: &str) -> Scored {
+    let mut device = DeviceScorer::new(GOLDEN, Display::default(), &GOLDEN_METRICS);
+    let linear =
+        |codes: Image<[u16; 3]>| codes.map(|pixel| pixel.map(|code| linear_from_srgb(f64::from(code) / 255.0) as f32));
+    let motion = golden_motion();
+    let frames = golden_codes("ref").into_iter().zip(golden_codes(name)).enumerate();
+    let scores = frames.map(|(index, (reference, test))| {
+        let motion = (index > 0).then_some(&*motion);
+        device.score(&Arc::new(linear(reference)), &linear(test), motion, true)
+    });
+    (scores.collect(), device.finish()[0].value.0)
+}
+
+/// What differs from the golden values of a sequence.
+fn golden_differences(
+    name: &str,
+    (scores, flicker_local): &Scored,
+    tolerance: impl Fn(Metric, f64) -> f64,
+) -> Vec<String> {
+    let golden = std::fs::read(fixture("temporal.json")).unwrap();
+    let golden: BTreeMap<String, GoldenSequence> = serde_json::from_slice(&golden).unwrap();
+    let golden = &golden[name];
+    assert_eq!(scores.len(), golden.frames.len() + 1);
+    let mut all = vec![(Metric::FLICKER_LOCAL, *flicker_local, golden.flicker_local)];
+    for (scores, frame) in scores[1..].iter().zip(&golden.frames) {
+        assert_eq!(frame.len(), GOLDEN_METRICS.len() - 1);
+        all.extend(
+            frame
+                .iter()
+                .map(|(metric, value)| (*metric, scores.values[metric.id()].0, *value)),
+        );
+    }
+    let wrong = all
+        .into_iter()
+        .filter(|(metric, actual, expected)| !agree(*actual, *expected, tolerance(*metric, *expected)));
+    wrong
+        .map(|(metric, actual, expected)| format!("{name}: {metric} is {actual}, not {expected}"))
+        .collect()
+}
+
+#[test]
+fn golden_sequences_match_on_the_cpu() {
+    for name in ["blur", "flicker", "ghost"] {
+        let wrong = golden_differences(name, &golden_on_cpu(name), |_, _| 1e-9);
+        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    }
+}
+
+/// Errors are those of display values, about 1e-7, which is all that is left of a change at 57 dB.
+#[test]
+fn golden_sequences_match_on_the_gpu() {
+    for name in ["blur", "flicker", "ghost"] {
+        let wrong = golden_differences(name, &golden_on_gpu(name), |metric, value| {
+            gpu_tolerance(metric, value, GOLDEN.n_pixels())
+        });
+        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    }
+}
+
+#[test]
+fn golden_sequences_are_told_apart() {
+    let wrong = golden_differences("blur", &golden_on_cpu("ghost"), |_, _| 1e-3);
+    for metric in GOLDEN_METRICS.into_iter().filter(|metric| *metric != Metric::FLICKER) {
+        assert!(
+            wrong.iter().any(|line| line.contains(&format!(" {metric} is"))),
+            "{metric} of blur passes for ghost"
+        );
+    }
+}
+
+/// Noise that is new in every frame, more and more of it.
+#[test]
+fn temporal_metrics_get_worse_as_noise_grows() {
+    let worse_with_noise = [
+        Metric::TPSNR,
+        Metric::WARPED_TPSNR,
+        Metric::WARP_EXCESS,
+        Metric::FLICKER_LOCAL,
+    ];
+    let noisy = |amplitude: f64| {
+        let (scores, late) = run_metrics(&worse_with_noise, 4, 1.0, &[], |index| {
+            let offset = |x, y| amplitude * f64::from(noise(x, y, index as u32) - 0.5);
+            grey(|x, y| pattern(x.into(), y.into(), index as f64) + offset(x, y))
+        });
+        let last = scores[3].values.iter().map(|(id, value)| (*id, value.0));
+        last.chain(late.iter().map(|late| (late.id, late.value.0)))
+            .collect::<BTreeMap<_, _>>()
+    };
+    let mut previous = noisy(0.0);
+    for amplitude in [0.01, 0.03, 0.1, 0.3] {
+        let values = noisy(amplitude);
+        for metric in worse_with_noise {
+            let (now, before) = (values[metric.id()], previous[metric.id()]);
+            let worse = match metric.info().unit {
+                "dB" => now < before,
+                _ => now > before,
+            };
+            assert!(worse, "{metric} at {amplitude}: {now} after {before}");
+        }
+        previous = values;
+    }
 }

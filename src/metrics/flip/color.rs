@@ -33,7 +33,7 @@ fn rows(matrix: DMat3) -> [[f32; 3]; 3] {
 
 #[inline(always)]
 fn mul([a, b, c]: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
-    let dot = |row: &[f32; 3]| row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+    let dot = |row: &[f32; 3]| row[0].mul_add(v[0], row[1].mul_add(v[1], row[2] * v[2]));
     [dot(a), dot(b), dot(c)]
 }
 
@@ -110,18 +110,6 @@ fn lab_root(t: f32) -> f32 {
     if t > DELTA * DELTA * DELTA { cbrt(t) } else { linear }
 }
 
-/// Linear light of an sRGB-encoded value in `[0, 1]`, within 1e-6.
-#[inline(always)]
-pub fn decode(encoded: f32) -> f32 {
-    let base = (encoded + 0.055) * (1.0 / 1.055);
-    let curve = base * base * pow(base, 0.4);
-    if encoded <= 0.040_45 {
-        encoded * (1.0 / 12.92)
-    } else {
-        curve
-    }
-}
-
 /// Narkowicz's fit of ACES as FLIP uses it, which lets 0.6 of the exposure through.
 #[inline(always)]
 pub fn aces(linear: f32) -> f32 {
@@ -129,16 +117,16 @@ pub fn aces(linear: f32) -> f32 {
     (c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14)).min(1.0)
 }
 
-/// Cube root of `x` ≥ 0, within 2e-7 of itself: a guess from the exponent, then two of Halley's steps, each of which
-/// cubes the error.
+/// Cube root of `x` ≥ 0, within 3e-7 of itself: z = 1/∛x, guessed from the exponent and improved by the series of
+/// (1 − e)^(−1/3), where e = 1 − x z³, to its second term, twice; no step divides.
 #[inline(always)]
 fn cbrt(x: f32) -> f32 {
-    let mut root = f32::from_bits(x.to_bits() / 3 + 709_921_077);
+    let mut z = f32::from_bits(1_420_032_652 - x.to_bits() / 3);
     for _ in 0..2 {
-        let cube = root * root * root;
-        root = root * (cube + 2.0 * x) / (2.0 * cube + x);
+        let e = (-x * z).mul_add(z * z, 1.0);
+        z = (z * e).mul_add((2.0_f32 / 9.0).mul_add(e, 1.0 / 3.0), z);
     }
-    root
+    x * z * z
 }
 
 /// `x` to the power `p`, for `x` that is 0 or normal, and 0 ≤ `p` ≤ 1; within 2e-6 of itself.
@@ -156,8 +144,8 @@ fn log2(x: f32) -> f32 {
     let mantissa = f32::from_bits((x.to_bits() as i32).wrapping_sub(exponent << 23) as u32);
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let q = s * s;
-    let series = 1.0 + q * (1.0 / 3.0 + q * (1.0 / 5.0 + q * (1.0 / 7.0 + q * (1.0 / 9.0))));
-    exponent as f32 + 2.0 * std::f32::consts::LOG2_E * s * series
+    let series = polynomial(q, [1.0, 1.0 / 3.0, 1.0 / 5.0, 1.0 / 7.0, 1.0 / 9.0]);
+    (2.0 * std::f32::consts::LOG2_E * s).mul_add(series, exponent as f32)
 }
 
 /// The exponential series of the fraction, at most ½ either way, and the rest put into the exponent.
@@ -166,10 +154,20 @@ fn exp2(x: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5·2²³ leaves no bits for a fraction.
     let shifted = x + ROUND;
     let t = (x - (shifted - ROUND)) * std::f32::consts::LN_2;
-    let tail = 1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0 + t * (1.0 / 5040.0)));
-    let series = 1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * tail)));
+    let series = polynomial(t, [1.0, 1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0]);
     let whole = shifted.to_bits().wrapping_sub(ROUND.to_bits());
     series * f32::from_bits(whole.wrapping_add(127) << 23)
+}
+
+#[inline(always)]
+fn polynomial<const N: usize>(x: f32, coefficients: [f32; N]) -> f32 {
+    let mut sum = coefficients[N - 1];
+    let mut k = N - 1;
+    while k > 0 {
+        k -= 1;
+        sum = sum.mul_add(x, coefficients[k]);
+    }
+    sum
 }
 
 #[cfg(test)]
@@ -188,15 +186,6 @@ mod tests {
             }
         }
         assert_eq!(pow(0.0, 0.7), 0.0);
-    }
-
-    #[test]
-    fn decoding_agrees_with_the_exact_curve() {
-        for i in 0..=4096 {
-            let encoded = i as f32 / 4096.0;
-            let exact = crate::metrics::srgb::decode(f64::from(encoded));
-            assert!((f64::from(decode(encoded)) - exact).abs() < 2e-6, "{encoded}");
-        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //!
 //! What the eye sees of an image (its filtered colour, its edges and points) is computed tile by tile: once for a
 //! reference, and for each image under test only where a tile differs. In f32 throughout, since the published
-//! implementations are.
+//! implementations are. FLIP decodes what a display shows, so it takes the light before it is encoded.
 
 pub(super) mod color;
 mod filters;
@@ -15,10 +15,10 @@ use super::{
     mask::{self, ByClass, ByMask, Classes, counts, sum_rows},
     metric::Definition,
     picture::Picture,
+    plane::{Plane, Pool},
     quantity::{Quantity, Sums},
     reference::Pair,
     same::Same,
-    shown::Shown,
     vector::vectorised,
 };
 use crate::image::{Extent, Image};
@@ -71,19 +71,28 @@ pub(super) const START_EXPOSURE: &str = "hdr_flip.start_exposure";
 /// … to the one that shows its median.
 pub(super) const STOP_EXPOSURE: &str = "hdr_flip.stop_exposure";
 
-/// What the eye sees of a tile: lightness, both chromas, strength of edges and of points; rows one after another.
-type Seen = [Vec<[f32; TILE]>; 5];
+/// What the eye sees: lightness, both chromas, strength of edges and of points.
+const N_SENSES: usize = 5;
 
-/// An image's tiles, row by row.
-pub(super) struct SeenImage(Vec<Seen>);
+/// Of a tile; rows one after another.
+type Seen = [Vec<[f32; TILE]>; N_SENSES];
 
-/// Linear light in `[0, 1]` of an image.
+/// FLIP of a tile's pixels.
+type Differences = [[f32; TILE]; TILE];
+
+/// Of an image, row by row. Two senses share a plane, whose values are twice as wide.
+pub(super) struct SeenImage {
+    planes: [Plane; N_SENSES.div_ceil(2)],
+    extent: Extent,
+}
+
+/// The light of an image in `[0, 1]`.
 #[derive(Clone, Copy)]
-enum Light<'a> {
+enum Light {
     /// As displayed.
-    Displayed(&'a Shown),
+    Displayed,
     /// Exposed by a factor and tone mapped.
-    Exposed(&'a Picture, f32),
+    Exposed(f32),
 }
 
 /// The tools of a thread.
@@ -91,44 +100,98 @@ struct Eye {
     colors: Colors,
     filters: Filters,
     scratch: Scratch,
-    light: [Vec<f64>; 3],
+    reference: Seen,
+    test: Seen,
 }
 
 impl SeenImage {
-    pub(super) fn new(shown: &Shown) -> Self {
-        let extent = shown.extent();
-        let (columns, rows) = tiles(extent);
-        let tiles = (0..columns * rows).into_par_iter();
-        let seen = tiles.map_init(Eye::new, |eye, i| {
-            eye.see(Light::Displayed(shown), i % columns, i / columns)
+    /// In memory of the pool, whose planes are of the image's size.
+    pub(super) fn new(picture: &Picture, pool: &Pool) -> Self {
+        let extent = picture.extent();
+        let (n, width) = (extent.n_pixels(), extent.width as usize);
+        let mut planes = [(); N_SENSES.div_ceil(2)].map(|()| pool.plane(n));
+        let senses = planes
+            .each_mut()
+            .map(|plane| halves_mut(plane).map(|half| half.chunks_mut(width * TILE)));
+        let mut senses: Vec<_> = senses.into_iter().flatten().take(N_SENSES).collect();
+        let bands = (0..(extent.height as usize).div_ceil(TILE)).map(|_| {
+            senses
+                .iter_mut()
+                .map(|sense| sense.next().expect("as many bands"))
+                .collect::<Vec<_>>()
         });
-        Self(seen.collect())
+        let bands: Vec<Vec<&mut [f32]>> = bands.collect();
+        bands
+            .into_par_iter()
+            .enumerate()
+            .for_each_init(Eye::new, |eye, (row, mut band)| {
+                for column in 0..width.div_ceil(TILE) {
+                    eye.see_test(picture, Light::Displayed, column, row);
+                    for (seen, sense) in eye.test.iter().zip(&mut band) {
+                        write_tile(seen, sense, width, column);
+                    }
+                }
+            });
+        Self { planes, extent }
+    }
+
+    /// Of a row of a tile.
+    fn row(&self, y: usize, column: usize) -> [&[f32]; N_SENSES] {
+        let width = self.extent.width as usize;
+        let start = y * width + column * TILE;
+        let n = TILE.min(width - column * TILE);
+        std::array::from_fn(|sense| &halves(&self.planes[sense / 2])[sense % 2][start..start + n])
+    }
+}
+
+/// A plane of twice as many values of half the size, cut in the middle.
+fn halves(plane: &[f64]) -> [&[f32]; 2] {
+    bytemuck::cast_slice(plane).split_at(plane.len()).into()
+}
+
+fn halves_mut(plane: &mut [f64]) -> [&mut [f32]; 2] {
+    let n = plane.len();
+    bytemuck::cast_slice_mut(plane).split_at_mut(n).into()
+}
+
+/// Puts a tile's rows into a band of rows of an image, as far as they lie inside.
+fn write_tile(tile: &[[f32; TILE]], band: &mut [f32], width: usize, column: usize) {
+    for (row, tile) in band.chunks_mut(width).zip(tile) {
+        let row = &mut row[column * TILE..];
+        let n = row.len().min(TILE);
+        row[..n].copy_from_slice(&tile[..n]);
     }
 }
 
 /// FLIP of each pixel of the displayed images.
 pub(super) fn map(pair: &Pair) -> Image<f32> {
-    let (columns, _) = tiles(pair.reference.extent());
     let seen = pair.reference.seen();
-    per_tile(pair, |eye, column, row| {
-        let test = eye.see(Light::Displayed(pair.shown), column, row);
-        eye.differences(&seen.0[row * columns + column], &test)
+    per_tile(pair, |eye, column, row, differences| {
+        eye.see_test(pair.test, Light::Displayed, column, row);
+        for (y, differences) in differences.iter_mut().enumerate() {
+            let test = eye.test.each_ref().map(|sense| &sense[y]);
+            if row * TILE + y < seen.extent.height as usize {
+                differ(eye.colors, seen.row(row * TILE + y, column), test, differences);
+            }
+        }
     })
 }
 
 /// The largest FLIP of each pixel over the exposures that show the reference from its highlights to its median.
 pub(super) fn hdr_map(pair: &Pair) -> Image<f32> {
     let exposures = pair.reference.exposures();
-    per_tile(pair, |eye, column, row| {
-        let mut largest = vec![[0.0_f32; TILE]; TILE];
+    per_tile(pair, |eye, column, row, largest| {
+        let mut differences = [0.0; TILE];
         for factor in exposures.factors() {
-            let [r, t] = [pair.reference.picture(), pair.test]
-                .map(|picture| eye.see(Light::Exposed(picture, factor), column, row));
-            for (largest, differences) in largest.iter_mut().zip(eye.differences(&r, &t)) {
+            eye.see_reference(pair.reference.picture(), Light::Exposed(factor), column, row);
+            eye.see_test(pair.test, Light::Exposed(factor), column, row);
+            for (y, largest) in largest.iter_mut().enumerate() {
+                let reference = eye.reference.each_ref().map(|sense| &sense[y][..]);
+                let test = eye.test.each_ref().map(|sense| &sense[y]);
+                differ(eye.colors, reference, test, &mut differences);
                 *largest = std::array::from_fn(|x| largest[x].max(differences[x]));
             }
         }
-        largest
     })
 }
 
@@ -170,32 +233,21 @@ fn percentile_95(values: &mut [f32]) -> f64 {
     below + (next - below) * rank.fract()
 }
 
-/// How many tiles cover each axis.
-fn tiles(extent: Extent) -> (usize, usize) {
-    (
-        (extent.width as usize).div_ceil(TILE),
-        (extent.height as usize).div_ceil(TILE),
-    )
-}
-
 /// A map from the differences of each tile, given its column and row of tiles. They are zero where the images are the same
 /// as far as the filters reach.
-fn per_tile(pair: &Pair, differences: impl Fn(&mut Eye, usize, usize) -> Vec<[f32; TILE]> + Sync) -> Image<f32> {
+fn per_tile(pair: &Pair, differences: impl Fn(&mut Eye, usize, usize, &mut Differences) + Sync) -> Image<f32> {
     let extent = pair.reference.extent();
     let width = extent.width as usize;
     let mut map = Image::filled(extent, 0.0);
     let bands = map.pixels_mut().par_chunks_mut(width * TILE).enumerate();
     bands.for_each_init(Eye::new, |eye, (row, band)| {
         for column in 0..width.div_ceil(TILE) {
-            if is_same(pair.same, column, row) {
+            if is_same(&pair.same, column, row) {
                 continue;
             }
-            let tile = differences(eye, column, row);
-            for (pixels, differences) in band.chunks_mut(width).zip(&tile) {
-                let pixels = &mut pixels[column * TILE..];
-                let n = pixels.len().min(TILE);
-                pixels[..n].copy_from_slice(&differences[..n]);
-            }
+            let mut tile = [[0.0; TILE]; TILE];
+            differences(eye, column, row, &mut tile);
+            write_tile(&tile, band, width, column);
         }
     });
     map
@@ -208,41 +260,58 @@ fn is_same(same: &Same, column: usize, row: usize) -> bool {
 
 impl Eye {
     fn new() -> Self {
+        let seen = || [(); N_SENSES].map(|()| vec![[0.0; TILE]; TILE]);
         Self {
             colors: Colors::new(),
             filters: Filters::new(),
             scratch: Scratch::new(),
-            light: [(); 3].map(|()| vec![0.0; INPUT]),
+            reference: seen(),
+            test: seen(),
         }
     }
 
-    fn see(&mut self, light: Light, column: usize, row: usize) -> Seen {
-        let extent = light.extent();
-        // Beyond the image its edge goes on.
+    fn see_reference(&mut self, picture: &Picture, light: Light, column: usize, row: usize) {
+        self.look(picture, light, column, row);
+        see(&self.scratch, &self.filters, self.colors, &mut self.reference);
+    }
+
+    fn see_test(&mut self, picture: &Picture, light: Light, column: usize, row: usize) {
+        self.look(picture, light, column, row);
+        see(&self.scratch, &self.filters, self.colors, &mut self.test);
+    }
+
+    /// Fills the input of the filters, and filters it along rows. Beyond the image its edge goes on.
+    fn look(&mut self, picture: &Picture, light: Light, column: usize, row: usize) {
+        let extent = picture.extent();
         let clamped = |tile: usize, i: usize, size: u32| (tile * TILE + i).saturating_sub(APRON).min(size as usize - 1);
-        let columns: [usize; INPUT] = std::array::from_fn(|x| clamped(column, x, extent.width));
+        let columns = clamped(column, 0, extent.width)..clamped(column, INPUT - 1, extent.width) + 1;
+        let before = APRON.saturating_sub(column * TILE);
+        let mut rgb = [[0.0; INPUT]; 3];
         for y in 0..INPUT {
-            let rgb = light.row(clamped(row, y, extent.height), &columns, &mut self.light);
-            let row = self.scratch.input.each_mut().map(|channel| &mut channel[y]);
-            opponent(self.colors, &rgb, row);
+            let y_image = clamped(row, y, extent.height);
+            let inside = rgb
+                .each_mut()
+                .map(|channel| &mut channel[before..before + columns.len()]);
+            match light {
+                Light::Displayed => picture.shown_light(y_image, columns.clone(), inside),
+                Light::Exposed(factor) => {
+                    picture.light_f32(y_image, columns.clone(), inside);
+                    expose(&mut rgb, factor);
+                }
+            }
+            for channel in &mut rgb {
+                let last = before + columns.len() - 1;
+                let edges = [channel[before], channel[last]];
+                channel[..before].fill(edges[0]);
+                channel[last..].fill(edges[1]);
+            }
+            opponent(
+                self.colors,
+                &rgb,
+                self.scratch.input.each_mut().map(|channel| &mut channel[y]),
+            );
         }
         filter_rows(&mut self.scratch, &self.filters);
-        let mut seen = [(); 5].map(|()| Vec::with_capacity(TILE));
-        for y in 0..TILE {
-            let row = see_row(&self.scratch, &self.filters, self.colors, y);
-            for (seen, row) in seen.iter_mut().zip(row) {
-                seen.push(row);
-            }
-        }
-        seen
-    }
-
-    fn differences(&self, reference: &Seen, test: &Seen) -> Vec<[f32; TILE]> {
-        let row = |y: usize| {
-            let [reference, test] = [reference, test].map(|seen| seen.each_ref().map(|plane| &plane[y]));
-            differ(self.colors, reference, test)
-        };
-        (0..TILE).map(row).collect()
     }
 }
 
@@ -259,32 +328,37 @@ vectorised! {
         scratch.filter_rows(filters);
     }
 
-    /// What the eye sees of a row.
-    fn see_row<'a>(scratch: &'a Scratch, filters: &'a Filters, colors: Colors, y: usize) -> [[f32; TILE]; 5] {
-        let [mut l, mut a, mut b, edge, point] = scratch.filter_columns(filters, y);
-        for x in 0..TILE {
-            [l[x], a[x], b[x]] = colors.hunt_lab([l[x], a[x], b[x]]);
+    /// What the eye sees of a tile: first its colours, then its features, so that the rows that each reads stay in the
+    /// first-level cache.
+    fn see<'a>(scratch: &'a Scratch, filters: &'a Filters, colors: Colors, seen: &'a mut Seen) {
+        let [l, a, b, edge, point] = seen;
+        for y in 0..TILE {
+            let (l, a, b) = (&mut l[y], &mut a[y], &mut b[y]);
+            scratch.colors(filters, y, [&mut *l, a, b]);
+            for x in 0..TILE {
+                [l[x], a[x], b[x]] = colors.hunt_lab([l[x], a[x], b[x]]);
+            }
         }
-        [l, a, b, edge, point]
+        for y in 0..TILE {
+            scratch.features(filters, y, [&mut edge[y], &mut point[y]]);
+        }
     }
 
-    fn differ<'a>(colors: Colors, reference: [&'a [f32; TILE]; 5], test: [&'a [f32; TILE]; 5]) -> [f32; TILE] {
+    /// Of as many pixels as there are of the reference.
+    fn differ<'a>(
+        colors: Colors,
+        reference: [&'a [f32]; N_SENSES],
+        test: [&'a [f32; TILE]; N_SENSES],
+        differences: &'a mut [f32; TILE],
+    ) {
+        let n = reference[0].len().min(TILE);
         let ([l, a, b, edge, point], [m, c, d, other_edge, other_point]) = (reference, test);
-        let mut differences = [0.0; TILE];
-        for x in 0..TILE {
+        let (l, a, b, edge, point) = (&l[..n], &a[..n], &b[..n], &edge[..n], &point[..n]);
+        for x in 0..n {
             let color = colors.difference([l[x], a[x], b[x]], [m[x], c[x], d[x]]);
             let (edge, point) = ((edge[x] - other_edge[x]).abs(), (point[x] - other_point[x]).abs());
             let feature = if edge > point { edge } else { point };
             differences[x] = color::pow(color, 1.0 - (feature * std::f32::consts::FRAC_1_SQRT_2).sqrt());
-        }
-        differences
-    }
-
-    fn decode<'a>(light: &'a mut [[f32; INPUT]; 3]) {
-        for row in light {
-            for value in row {
-                *value = color::decode(*value);
-            }
         }
     }
 
@@ -294,41 +368,6 @@ vectorised! {
                 *value = color::aces(factor * *value);
             }
         }
-    }
-}
-
-impl Light<'_> {
-    fn extent(self) -> Extent {
-        match self {
-            Self::Displayed(shown) => shown.extent(),
-            Self::Exposed(picture, _) => picture.extent(),
-        }
-    }
-
-    /// Some columns of row `y`; `rows` is room for it.
-    fn row(self, y: usize, columns: &[usize; INPUT], rows: &mut [Vec<f64>; 3]) -> [[f32; INPUT]; 3] {
-        let span = columns[0]..columns[INPUT - 1] + 1;
-        let mut light = [[0.0; INPUT]; 3];
-        let mut gather = |rows: [&[f64]; 3]| {
-            for (light, row) in light.iter_mut().zip(rows) {
-                for (value, x) in light.iter_mut().zip(columns) {
-                    *value = row[x - span.start] as f32;
-                }
-            }
-        };
-        match self {
-            Self::Displayed(shown) => {
-                gather(shown.rows(y, span.clone()));
-                decode(&mut light);
-            }
-            Self::Exposed(picture, factor) => {
-                let n = span.len();
-                picture.light(y, span.clone(), rows.each_mut().map(|row| &mut row[..n]));
-                gather(rows.each_ref().map(|row| &row[..n]));
-                expose(&mut light, factor);
-            }
-        }
-        light
     }
 }
 

@@ -73,7 +73,7 @@ impl Step {
         let reads_luma = |quantity: Quantity| quantity.reads_luma() && matches!(quantity, Quantity::Change(_));
         let warp = motion_px.map(|motion_px| Warp::new(previous, current, motion_px));
         Self {
-            is_finite: previous.shown().is_finite(),
+            is_finite: previous.is_finite(),
             classes: match metrics.iter().any(|metric: &Metric| metric.mask().is_some()) {
                 true => warp.as_ref().map(Warp::classes),
                 false => None,

@@ -5,6 +5,7 @@ use super::{
         FrameScores, Metric, MetricError, Value,
         mask::{counts, place},
         picture::Picture,
+        plane::Plane,
         quantity::{Quantity, quantities},
         reference::Reference,
     },
@@ -70,8 +71,9 @@ impl Track {
             if *place > 0 && classes.is_none() {
                 continue; // A reset: nobody knows what moves.
             }
-            let is_counted = |i: usize| classes.is_none_or(|classes| counts(*place, classes.all()[i].into()));
-            deviation.add(reference.luma(), luma, is_counted);
+            let classes = classes.filter(|_| *place > 0);
+            let is_counted = classes.map(|classes| |i: usize| counts(*place, classes.all()[i].into()));
+            deviation.add(reference, luma, is_counted);
             deviation.last = self.n_frames;
         }
     }
@@ -99,42 +101,59 @@ fn of(metrics: &[Metric], quantity: Quantity) -> impl Iterator<Item = Metric> {
         .filter(move |metric| metric.definition().quantity == quantity)
 }
 
-/// The luma error of each pixel over time: how often it counted, mean and sum of squared deviations, after Welford, "Note on
-/// a Method for Calculating Corrected Sums of Squares and Products", 1962.
+/// The luma error of each pixel over time: mean and sum of squared deviations, after Welford, "Note on a Method for
+/// Calculating Corrected Sums of Squares and Products", 1962; and how often it counted.
 #[derive(Default)]
 struct Deviation {
     /// The last frame added.
     last: usize,
-    moments: Vec<Moments>,
-}
-
-#[derive(Clone, Copy, Default)]
-struct Moments {
-    n: u32,
-    mean: f64,
-    squares: f64,
+    /// Mean, and sum of squared deviations; none before the first frame.
+    moments: Option<[Plane; 2]>,
+    /// Of the frames added, how many each pixel was left out of; empty while there are none.
+    missed: Vec<u32>,
+    n_frames: u32,
 }
 
 impl Deviation {
-    fn add(&mut self, reference: &[f64], test: &[f64], is_counted: impl Fn(usize) -> bool + Sync) {
-        self.moments.resize(reference.len(), Moments::default());
-        let pixels = self.moments.par_iter_mut().with_min_len(4096).enumerate();
-        pixels.for_each(|(i, moments)| {
-            if is_counted(i) {
-                let error = test[i] - reference[i];
-                let away = error - moments.mean;
-                moments.n += 1;
-                moments.mean += away / f64::from(moments.n);
-                moments.squares += away * (error - moments.mean);
-            }
+    /// Adds a frame: all pixels of it, or those that `is_counted`.
+    fn add(&mut self, reference: &Reference, test: &[f64], is_counted: Option<impl Fn(usize) -> bool + Sync>) {
+        let [means, squares] = self.moments.get_or_insert_with(|| {
+            let mut planes = [(); 2].map(|()| reference.new_plane());
+            planes.iter_mut().for_each(|plane| plane.fill(0.0));
+            planes
         });
+        self.n_frames += 1;
+        let (n_frames, reference) = (self.n_frames, &reference.luma()[..]);
+        let moments = (means.par_iter_mut(), squares.par_iter_mut()).into_par_iter();
+        let moments = moments.with_min_len(4096).enumerate();
+        let Some(is_counted) = is_counted else {
+            moments.for_each(|(i, moments)| update(moments, test[i] - reference[i], n_frames));
+            return;
+        };
+        self.missed.resize(test.len(), 0);
+        moments
+            .zip(&mut self.missed)
+            .for_each(|((i, moments), missed)| match is_counted(i) {
+                true => update(moments, test[i] - reference[i], n_frames - *missed),
+                false => *missed += 1,
+            });
     }
 
     /// Mean of the population's standard deviation over the pixels that counted more than once. `None` where none did.
     fn mean(&self) -> Option<f64> {
-        let counted = self.moments.iter().filter(|moments| moments.n > 1);
-        let deviations = counted.map(|moments| (moments.squares / f64::from(moments.n)).sqrt());
+        let missed = self.missed.iter().copied().chain(std::iter::repeat(0));
+        let counts = missed.map(|missed| self.n_frames - missed);
+        let [_, squares] = self.moments.as_ref()?;
+        let counted = squares.iter().zip(counts).filter(|(_, n)| *n > 1);
+        let deviations = counted.map(|(squares, n)| (squares / f64::from(n)).sqrt());
         let (sum, n) = deviations.fold((0.0, 0_usize), |(sum, n), deviation| (sum + deviation, n + 1));
         (n > 0).then(|| sum / n as f64)
     }
+}
+
+/// Adds the error of a pixel's `n`th frame to its mean and its sum of squared deviations.
+fn update((mean, squares): (&mut f64, &mut f64), error: f64, n: u32) {
+    let away = error - *mean;
+    *mean += away / f64::from(n);
+    *squares += away * (error - *mean);
 }

@@ -54,14 +54,21 @@ function images() {
   const names = data.reference ? ["output", "reference", "error"] : ["output"];
   const preset = byId("preset");
   const max = byId("max");
+  const map = byId("map");
   const view = viewer(
     names,
     (frame) => `/api/v1/reports/${data.reports[preset.value].id}/frames/${frame}`,
-    (name) => (name === "error" ? `?max=${max.value}` : ""),
+    (name) => (name === "error" && map.value === "error" ? `?max=${max.value}` : ""),
+    (name) => (name === "error" ? map.value : name),
   );
   preset.addEventListener("change", () => view.show());
   max?.addEventListener("change", () => {
     byId("max-text").textContent = max.value;
+    view.show();
+  });
+  map?.addEventListener("change", () => {
+    byId("error-name").textContent = map.value === "error" ? "Error" : map.value;
+    byId("error-scale").hidden = map.value !== "error";
     view.show();
   });
   byId("viewer").addEventListener("submit", (event) => event.preventDefault());

@@ -7,7 +7,7 @@ const byId = (id) => document.getElementById(id);
  * `names`: of the images on the page; `base(frame)`: the address that their names are appended to; `query(name)`: what
  * follows them.
  */
-export function viewer(names, base, query = () => "") {
+export function viewer(names, base, query = () => "", file = (name) => name) {
   const slider = byId("frame");
   const last = Number(slider.max);
 
@@ -17,11 +17,11 @@ export function viewer(names, base, query = () => "") {
     byId("frame-text").textContent = `frame ${frame} of ${last}`;
     for (const name of names) {
       const image = byId(`image-${name}`);
-      image.src = `${base(frame)}/${name}.png${query(name)}`;
-      image.alt = `${name} of frame ${frame}`;
+      image.src = `${base(frame)}/${file(name)}.png${query(name)}`;
+      image.alt = `${file(name)} of frame ${frame}`;
       if (image.parentElement.tagName === "A") image.parentElement.href = image.src;
-      byId(`exr-${name}`).href = `${base(frame)}/${name}.exr`;
-      if (frame < last) new Image().src = `${base(frame + 1)}/${name}.png${query(name)}`;
+      byId(`exr-${name}`).href = `${base(frame)}/${file(name)}.exr`;
+      if (frame < last) new Image().src = `${base(frame + 1)}/${file(name)}.png${query(name)}`;
     }
   }
 
