@@ -4,14 +4,14 @@ use super::{note, print, progress_bar, table};
 use afterimage::{
     gpu::Gpu,
     image::Extent,
-    scene::{BakeObserver, BakeSettings, BakeSummary, Cache, Pattern, SCENES, copy_sequence},
+    scene::{BakeObserver, BakeSettings, BakeSummary, Cache, Pattern, SCENES, copy_sequence, gltf::GltfScene},
     sequence::jitter::JitterSequence,
 };
 use anyhow::Context;
 use clap::ValueEnum;
 use std::path::PathBuf;
 
-/// Render a built-in scene to a sequence with a reference
+/// Render a built-in scene, or one from a glTF file, to a sequence with a reference
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   afterimage bake --list
@@ -19,13 +19,23 @@ use std::path::PathBuf;
   afterimage bake sphere --frames 32 --size 320x180 --disocclusion --out sphere
   afterimage bake foliage --jitter 'halton23(8)' --reference-samples 512 --no-mipmaps --out foliage
   afterimage bake spaceship --size 320x180 --output-size 640x360 --out upscale
+  afterimage bake --gltf hall.glb --camera path.json --frames 64 --out hall
 
 Without --out the sequence stays in the cache, and its path is printed. The same settings are baked once: later calls
 find them there, under $AFTERIMAGE_CACHE, else $XDG_CACHE_HOME/afterimage, else ~/.cache/afterimage.")]
 pub struct Arguments {
     /// Scene to render; `--list` shows all
-    #[arg(required_unless_present = "list")]
+    #[arg(required_unless_present_any = ["list", "gltf"], conflicts_with = "gltf")]
     scene: Option<String>,
+    /// Scene of your own: glTF 2.0, .gltf or .glb
+    #[arg(long, value_name = "FILE")]
+    gltf: Option<PathBuf>,
+    /// Its camera: a JSON file with a path, or the name of one in the file; else the file's first, or one that circles it
+    #[arg(long, value_name = "PATH.json|NAME", requires = "gltf")]
+    camera: Option<String>,
+    /// Its animation, by name or number; else the first
+    #[arg(long, value_name = "NAME", requires = "gltf")]
+    animation: Option<String>,
     /// Show the scenes there are
     #[arg(long)]
     list: bool,
@@ -92,9 +102,21 @@ fn parse_size(text: &str) -> Result<Extent, String> {
 }
 
 impl Arguments {
-    fn settings(&self, scene: &str) -> BakeSettings {
-        BakeSettings {
-            scene: scene.to_owned(),
+    fn settings(&self) -> anyhow::Result<BakeSettings> {
+        let gltf = match &self.gltf {
+            Some(file) => Some(GltfScene::open(
+                file,
+                self.camera.as_deref(),
+                self.animation.as_deref(),
+                self.frames,
+            )?),
+            None => None,
+        };
+        Ok(BakeSettings {
+            scene: gltf
+                .as_ref()
+                .map_or_else(|| self.scene.clone().unwrap_or_default(), GltfScene::name),
+            gltf,
             n_frames: self.frames,
             render_size: self.size,
             output_size: self.output_size.unwrap_or(self.size),
@@ -110,7 +132,7 @@ impl Arguments {
             mipmaps: !self.no_mipmaps,
             mip_bias: self.mip_bias,
             disocclusion: self.disocclusion,
-        }
+        })
     }
 }
 
@@ -124,11 +146,11 @@ impl BakeObserver for Screen {
 }
 
 pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
-    let Some(scene) = arguments.scene.as_deref().filter(|_| !arguments.list) else {
+    if arguments.list {
         list();
         return Ok(true);
-    };
-    let settings = arguments.settings(scene);
+    }
+    let settings = arguments.settings()?;
     settings.validate()?;
     if let Some(out) = &arguments.out {
         let occupied = out.read_dir().is_ok_and(|mut entries| entries.next().is_some());
@@ -136,7 +158,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     }
     let gpu = Gpu::open(arguments.adapter.as_deref())?;
     let cache = Cache::new(arguments.cache.clone().unwrap_or_else(Cache::default_folder));
-    let screen = Screen(progress_bar(scene, settings.n_frames as u64));
+    let screen = Screen(progress_bar(&settings.scene, settings.n_frames as u64));
     let cached = cache.get(&gpu, &settings, arguments.force, &screen)?;
     screen.0.finish_and_clear();
     match &cached.summary {

@@ -1,7 +1,7 @@
 //! One frame of a bake at a time, in memory.
 
 use super::{
-    BakeError, BakeSettings, builtin,
+    BakeError, BakeSettings,
     disocclusion::Disocclusion,
     model::Alpha,
     moment::Clip,
@@ -114,7 +114,7 @@ impl<'g> Baker<'g> {
     pub fn new(gpu: &'g Gpu, settings: &BakeSettings) -> Result<Self, BakeError> {
         settings.validate()?;
         settings.validate_on(gpu)?;
-        let scene = (builtin::find(&settings.scene)?.build)(settings.seed);
+        let scene = settings.build()?;
         let blends = scene.materials.iter().any(|material| material.alpha == Alpha::Blended);
         if blends && !gpu.can_blend_f32() {
             return Err(BakeError::Gpu(GpuError::Unsupported {

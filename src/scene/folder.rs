@@ -1,7 +1,7 @@
 //! A baked sequence on disk. Written into a folder beside its place and renamed when whole, so that nobody ever takes a
 //! part for a sequence.
 
-use super::{BakeError, BakeSettings, BakeTimes, BakedFrame, Baker, builtin};
+use super::{BakeError, BakeSettings, BakeTimes, BakedFrame, Baker};
 use crate::{
     gpu::Gpu,
     image::{
@@ -25,6 +25,9 @@ use std::{
     thread,
     time::{Duration, Instant},
 };
+
+/// Frames a second of every baked sequence.
+pub(super) const FPS: u32 = 30;
 
 /// Told how a bake goes on.
 pub trait BakeObserver: Sync {
@@ -228,7 +231,7 @@ fn entry(frame: &BakedFrame, near: f64) -> Value {
 }
 
 fn manifest(settings: &BakeSettings, baker: &Baker<'_>, entries: &[Value]) -> Value {
-    let scene = builtin::find(&settings.scene).expect("it was baked");
+    let (description, license) = settings.description().expect("it was baked");
     let color = "input/color_{index:04}.exr";
     let geometry = "input/geometry_{index:04}.exr";
     let plane = |path: &str, channel: &str| json!({"path": path, "channel": channel});
@@ -242,10 +245,10 @@ fn manifest(settings: &BakeSettings, baker: &Baker<'_>, entries: &[Value]) -> Va
     json!({
         "schema": SCHEMA,
         "name": settings.scene,
-        "description": scene.purpose,
-        "license": "CC0-1.0",
+        "description": description,
+        "license": license,
         "source": {"engine": "afterimage bake", "version": env!("CARGO_PKG_VERSION")},
-        "fps": 30,
+        "fps": FPS,
         "render_size": settings.render_size,
         "output_size": settings.output_size,
         "color": {"path": color, "channels": COLOR, "transfer": "linear"},

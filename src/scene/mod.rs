@@ -2,7 +2,7 @@
 //! its manifest says, and a reference of many samples a pixel.
 //!
 //! ```text
-//! BakeSettings ─▶ builtin (Scene: meshes, materials, objects, camera, light by time)
+//! BakeSettings ─▶ builtin or gltf (Scene: meshes, materials, objects, camera, light by time)
 //!              ─▶ Baker::frame (Renderer draws views; Accumulator sums them; Disocclusion) ─▶ BakedFrame
 //!              ─▶ bake (a folder, renamed into place when whole) ─▶ Cache
 //! ```
@@ -13,6 +13,7 @@ pub mod builtin;
 mod cache;
 mod disocclusion;
 mod folder;
+pub mod gltf;
 pub mod mesh;
 pub mod model;
 mod moment;
@@ -57,6 +58,9 @@ pub enum BakeError {
     /// Something is there already.
     #[error("{}: the folder is not empty; name another or empty it", .0.display())]
     NotEmpty(PathBuf),
+    /// A glTF file cannot be rendered.
+    #[error(transparent)]
+    Gltf(#[from] gltf::GltfError),
     /// Observed to be cancelled.
     #[error("cancelled")]
     Cancelled,

@@ -1,14 +1,16 @@
 //! What a bake can be asked for.
 
-use super::{BakeError, builtin, pattern::Pattern, renderer::Texturing};
+use super::{BakeError, builtin, gltf::GltfScene, model::Scene, pattern::Pattern, renderer::Texturing};
 use crate::{gpu::Gpu, image::Extent, sequence::jitter::JitterSequence};
 use serde::Serialize;
 
 /// A sequence to bake.
 #[derive(Clone, Debug, Serialize)]
 pub struct BakeSettings {
-    /// Id of a built-in scene.
+    /// Id of a built-in scene, or the name of the file's.
     pub scene: String,
+    /// A scene from a file, in place of a built-in one.
+    pub gltf: Option<GltfScene>,
     /// Number of frames.
     pub n_frames: usize,
     /// Size of the inputs.
@@ -46,6 +48,7 @@ impl BakeSettings {
         let size = Extent::new(640, 360);
         Self {
             scene: scene.to_owned(),
+            gltf: None,
             n_frames: 16,
             render_size: size,
             output_size: size,
@@ -61,6 +64,25 @@ impl BakeSettings {
         }
     }
 
+    /// Builds the scene.
+    pub(super) fn build(&self) -> Result<Scene, BakeError> {
+        match &self.gltf {
+            Some(gltf) => Ok(gltf.scene()?),
+            None => Ok((builtin::find(&self.scene)?.build)(self.seed)),
+        }
+    }
+
+    /// What the scene is, and under which licence.
+    pub(super) fn description(&self) -> Result<(String, Option<String>), BakeError> {
+        match &self.gltf {
+            Some(gltf) => Ok((format!("{}, from glTF", self.scene), gltf.copyright.clone())),
+            None => Ok((
+                builtin::find(&self.scene)?.purpose.to_owned(),
+                Some("CC0-1.0".to_owned()),
+            )),
+        }
+    }
+
     pub(super) fn texturing(&self) -> Texturing {
         Texturing {
             mipmaps: self.mipmaps,
@@ -73,7 +95,9 @@ impl BakeSettings {
     /// # Errors
     /// [`BakeError::UnknownScene`] or [`BakeError::Setting`].
     pub fn validate(&self) -> Result<(), BakeError> {
-        builtin::find(&self.scene)?;
+        if self.gltf.is_none() {
+            builtin::find(&self.scene)?;
+        }
         let setting = |field, problem: String| Err(BakeError::Setting { field, problem });
         if !(1..=Self::MAX_FRAMES).contains(&self.n_frames) {
             return setting(

@@ -10,6 +10,7 @@ mod checkerboard;
 mod ci;
 mod cli;
 mod documentation;
+mod gltf;
 mod golden;
 mod gpu_sequences;
 mod gpu_vs_reference;
