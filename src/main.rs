@@ -24,6 +24,7 @@ enum Command {
     Run(cli::run::Arguments),
     Bake(cli::bake::Arguments),
     Compare(cli::compare::Arguments),
+    Check(cli::check::Arguments),
     Ci(cli::ci::Arguments),
     Serve(cli::serve::Arguments),
     Submit(cli::submit::Arguments),
@@ -40,6 +41,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => cli::run::run(&arguments),
         Command::Bake(arguments) => cli::bake::run(&arguments),
         Command::Compare(arguments) => cli::compare::run(&arguments),
+        Command::Check(arguments) => cli::check::run(&arguments),
         Command::Serve(arguments) => cli::serve::run(arguments),
         Command::Submit(arguments) => cli::submit::run(&arguments),
         Command::Ci(arguments) => match cli::ci::run(&arguments) {

@@ -73,7 +73,13 @@ impl Sequence {
     /// Writes a tar of the manifest and the referenced files, and nothing else that lies in the folder.
     pub fn pack(&self, out: impl Write) -> Result<(), SequenceError> {
         let mut tar = tar::Builder::new(out);
-        append(&mut tar, "manifest.json", &self.manifest_path)?;
+        let manifest = self.manifest_json();
+        let mut header = file_header(manifest.len() as u64);
+        tar.append_data(&mut header, "manifest.json", manifest.as_bytes())
+            .map_err(|error| SequenceError::Io {
+                path: PathBuf::from("manifest.json"),
+                error,
+            })?;
         for reference in self.references() {
             let file = self
                 .resolve(&reference.relative)
@@ -103,16 +109,21 @@ impl Sequence {
     }
 }
 
-/// Headers carry no owner, time or mode of this machine, so that equal sequences pack into equal bytes.
+/// Carries no owner, time or mode of this machine, so that equal sequences pack into equal bytes.
+fn file_header(n_bytes: u64) -> tar::Header {
+    let mut header = tar::Header::new_gnu();
+    header.set_size(n_bytes);
+    header.set_mode(0o644);
+    header
+}
+
 fn append(tar: &mut tar::Builder<impl Write>, name: &str, file: &Path) -> Result<(), SequenceError> {
     let failed = |error| SequenceError::Io {
         path: file.to_owned(),
         error,
     };
     let content = fs::File::open(file).map_err(failed)?;
-    let mut header = tar::Header::new_gnu();
-    header.set_size(content.metadata().map_err(failed)?.len());
-    header.set_mode(0o644);
+    let mut header = file_header(content.metadata().map_err(failed)?.len());
     tar.append_data(&mut header, name, content).map_err(failed)
 }
 

@@ -62,6 +62,11 @@ impl Sequence {
     /// Loads one frame: colour, and of `channels` what the manifest declares. Reads each file once and decodes no
     /// other channels; may be called from several threads.
     pub fn load(&self, index: usize, channels: Channels) -> Result<Frame, SequenceError> {
+        Ok(self.frame_files(index, channels)?.convert(channels))
+    }
+
+    /// The decoded files of one frame's colour and `channels`.
+    pub(super) fn frame_files(&self, index: usize, channels: Channels) -> Result<FrameFiles<'_>, SequenceError> {
         let entry = self.entry(index)?;
         let derives_motion = self
             .manifest
@@ -74,13 +79,12 @@ impl Sequence {
         };
         let mut images = self.manifest.images();
         images.retain(|image| wants(reads, image.section));
-        let frame = FrameFiles {
+        Ok(FrameFiles {
             sequence: self,
             entry,
             decoded: self.read(entry, &images)?,
             images,
-        };
-        Ok(frame.convert(channels))
+        })
     }
 
     /// An image of another system's output, linear RGB. A float file is linear already; the codes of an integer file are
@@ -168,7 +172,7 @@ fn wants(channels: Channels, section: Section) -> bool {
 }
 
 /// A frame's decoded files on their way to canonical form.
-struct FrameFiles<'a> {
+pub(super) struct FrameFiles<'a> {
     sequence: &'a Sequence,
     entry: &'a FrameEntry,
     images: Vec<ImageSource<'a>>,
@@ -176,7 +180,7 @@ struct FrameFiles<'a> {
 }
 
 impl FrameFiles<'_> {
-    fn convert(&self, channels: Channels) -> Frame {
+    pub(super) fn convert(&self, channels: Channels) -> Frame {
         let manifest = &self.sequence.manifest;
         let index = self.entry.index;
         let depth = self.depth(0);
@@ -202,6 +206,17 @@ impl FrameFiles<'_> {
             reference: self.color(Section::Reference, 0, reference.as_ref()),
             others: manifest.several().map(|several| self.others(several, channels)),
         }
+    }
+
+    /// The values of a section's channels as they are stored, if the section was read: those of a sample or layer, or those
+    /// that all share.
+    pub(super) fn stored(&self, section: Section, item: usize) -> Option<Vec<Cow<'_, [f32]>>> {
+        let image = self.image(section, item).or_else(|| self.image(section, 0))?;
+        Some(
+            (0..image.channels.len())
+                .map(|channel| self.floats(image, channel))
+                .collect(),
+        )
     }
 
     /// The images of all samples but the first, or of the layers behind the nearest.
@@ -322,7 +337,7 @@ impl FrameFiles<'_> {
         }))
     }
 
-    fn object_id(&self) -> Option<Image<u32>> {
+    pub(super) fn object_id(&self) -> Option<Image<u32>> {
         let image = self.image(Section::ObjectId, 0)?;
         let extent = self.sequence.render_size();
         let (plane, sample) = self.decoded.plane(self.entry, image, 0);

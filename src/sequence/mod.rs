@@ -2,6 +2,8 @@
 //! Nothing after the loader may ask which engine it was. Names no wgpu, SQL or HTTP.
 
 pub mod archive;
+mod arm_nss;
+pub mod check;
 mod content;
 pub mod convention;
 pub mod frame;
@@ -112,7 +114,6 @@ pub enum ImageProblem {
 pub struct Sequence {
     /// The manifest's folder, without symbolic links.
     root: PathBuf,
-    manifest_path: PathBuf,
     manifest: Manifest,
     /// As given, before the preset's defaults.
     manifest_value: Value,
@@ -124,8 +125,14 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// Opens a folder with a `manifest.json`, a manifest of any name, or a tar, tar.gz or zip of such a folder.
+    /// Opens a folder with a `manifest.json`, a manifest of any name, or a tar, tar.gz or zip of such a folder; or a sequence
+    /// of one of Arm's NSS data sets, which has no manifest.
     pub fn open(path: &Path, reader: &FileReader) -> Result<Self, SequenceError> {
+        if let Some(found) = arm_nss::find(path)? {
+            let text = read_manifest(&found.json)?;
+            let manifest = found.manifest(&text, reader)?;
+            return Self::with_manifest(&found.json, &found.root, manifest, reader, None);
+        }
         if path.is_dir() {
             return Self::open_manifest(&path.join("manifest.json"), reader, None);
         }
@@ -152,15 +159,34 @@ impl Sequence {
         let text = read_manifest(path)?;
         let manifest_value: Value =
             serde_json::from_str(&text).map_err(|error| refused(ManifestError::Json(error.to_string())))?;
-        let manifest = Manifest::from_value(manifest_value.clone()).map_err(refused)?;
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let root = fs::canonicalize(folder.unwrap_or(Path::new("."))).map_err(|error| SequenceError::Io {
+        Self::with_manifest(
+            path,
+            folder.unwrap_or(Path::new(".")),
+            manifest_value,
+            reader,
+            extracted,
+        )
+    }
+
+    /// `path` is what to call the manifest in errors; its files lie in `folder`.
+    fn with_manifest(
+        path: &Path,
+        folder: &Path,
+        manifest_value: Value,
+        reader: &FileReader,
+        extracted: Option<TempDir>,
+    ) -> Result<Self, SequenceError> {
+        let manifest = Manifest::from_value(manifest_value.clone()).map_err(|problem| SequenceError::Manifest {
+            path: path.to_owned(),
+            problem,
+        })?;
+        let root = fs::canonicalize(folder).map_err(|error| SequenceError::Io {
             path: path.to_owned(),
             error,
         })?;
         Ok(Self {
             root,
-            manifest_path: path.to_owned(),
             jitter_px: loader::jitters_px(&manifest),
             projectors: loader::projectors(&manifest),
             manifest,
@@ -168,6 +194,21 @@ impl Sequence {
             reader: reader.clone(),
             _extracted: extracted,
         })
+    }
+
+    /// The same files by other conventions. Nothing is checked, and the files of an archive live as long as `self`.
+    fn redeclared(&self, change: impl FnOnce(&mut Manifest)) -> Self {
+        let mut manifest = self.manifest.clone();
+        change(&mut manifest);
+        Self {
+            root: self.root.clone(),
+            jitter_px: loader::jitters_px(&manifest),
+            projectors: loader::projectors(&manifest),
+            manifest,
+            manifest_value: self.manifest_value.clone(),
+            reader: self.reader.clone(),
+            _extracted: None,
+        }
     }
 
     /// The manifest, with its preset's defaults filled in.

@@ -3,6 +3,7 @@
 
 use super::{Frame, frame::Rgb};
 use crate::image::Image;
+use std::iter;
 
 /// How the colours of a pixel become one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,6 +101,40 @@ impl Frame {
         item.checked_sub(1).and_then(|i| others.get(i)).or(self.depth.as_ref())
     }
 
+    /// How much each sample or layer of the pixel (x, y) counts in its colour; one weight of 1 where it has one colour.
+    pub(super) fn weights(&self, x: u32, y: u32) -> Vec<f64> {
+        let Some(others) = &self.others else { return vec![1.0] };
+        let n_items = 1 + others.color.len();
+        let Merging::Layers { premultiplied } = others.merging else {
+            return vec![1.0 / n_items as f64; n_items];
+        };
+        let mut transmittance = 1.0;
+        let opacities = others.opacity.iter().map(|image| repaired_opacity(image.at(x, y)));
+        opacities
+            .map(|opacity| {
+                let weight = transmittance * if premultiplied { 1.0 } else { opacity };
+                transmittance *= 1.0 - opacity;
+                weight
+            })
+            .collect()
+    }
+
+    /// The colour of every pixel, of its samples or layers, as they are: nothing is repaired.
+    pub(super) fn merged_color(&self) -> Image<Rgb> {
+        let Some(others) = &self.others else {
+            return self.color.clone();
+        };
+        Image::from_fn(self.extent(), |x, y| {
+            let items = iter::once(&self.color).chain(&others.color);
+            let mut sum = [0.0; 3];
+            for (weight, image) in self.weights(x, y).into_iter().zip(items) {
+                let color = image.at(x, y);
+                (0..3).for_each(|i| sum[i] += weight * f64::from(color[i]));
+            }
+            sum.map(|channel| channel as f32)
+        })
+    }
+
     /// The motion of every pixel, that of its sample or layer kept.
     pub fn merged_motion_px(&self) -> Option<Image<[f32; 2]>> {
         let own = self.motion_px.as_ref()?;
@@ -156,6 +191,15 @@ mod tests {
             kept(&[[0.0, 0.0], [9.0, 0.0], [f32::NAN, 0.0], [0.25, 0.0]]),
             [0.25, 0.0]
         );
+    }
+
+    #[test]
+    fn colours_merge_by_their_weights() {
+        let mut merged = frame(&[[0.0; 2]; 3], &[0.25, 0.5, 1.0]);
+        assert_eq!(merged.weights(0, 0), [0.25, 0.375, 0.375]);
+        merged.color = Image::filled(EXTENT, [1.0, 0.0, 2.0]);
+        assert_eq!(merged.merged_color().at(0, 0), [0.625, 0.375, 0.875]);
+        assert_eq!(frame(&[[0.0; 2]; 4], &[]).weights(0, 0), [0.25; 4]);
     }
 
     /// Layers take 0.25, 0.75 · 0.6 = 0.45 and 0.75 · 0.4 = 0.3 of the light.

@@ -40,6 +40,7 @@ use self::{
     observe::Counters,
 };
 use crate::{
+    checker::Checker,
     config::{Config, ConfigError},
     image::files::{Backend, FileReader, Limits},
     run::report::AdapterInfo,
@@ -121,6 +122,8 @@ pub struct Service {
     pub events: broadcast::Sender<JobEvent>,
     /// Tells the worker of new jobs.
     pub wake: Arc<Notify>,
+    /// Tells the checker of new sequences.
+    pub wake_checker: Arc<Notify>,
     /// Tells everyone that the service is ending.
     pub shutdown: CancellationToken,
     /// Tells the postman of new deliveries.
@@ -153,6 +156,7 @@ pub struct Running {
     service: Arc<Service>,
     listener: TcpListener,
     worker: JoinHandle<()>,
+    checker: JoinHandle<()>,
 }
 
 /// Serves until SIGINT or SIGTERM, then hands the running job back to the queue and returns.
@@ -210,6 +214,7 @@ impl Running {
             adapter,
             events: broadcast::channel(256).0,
             wake: Arc::new(Notify::new()),
+            wake_checker: Arc::new(Notify::new()),
             shutdown: CancellationToken::new(),
             deliver: Notify::new(),
             worker_runs: AtomicBool::new(true),
@@ -228,11 +233,20 @@ impl Running {
             reader: service.reader.clone(),
             clocks: service.config.clocks.clone(),
         };
+        let checker = Checker {
+            store: service.store.clone(),
+            folder: service.folder.clone(),
+            reader: service.reader.clone(),
+            wake: Arc::clone(&service.wake_checker),
+            shutdown: service.shutdown.clone(),
+            runtime: Handle::current(),
+        };
         Ok(Self {
             address: listener.local_addr()?,
             service,
             listener,
             worker: worker.spawn(runner)?,
+            checker: checker.spawn()?,
         })
     }
 
@@ -253,9 +267,10 @@ impl Running {
         for task in [postman, tidying] {
             let _ = task.await;
         }
-        let worker = self.worker;
-        if tokio::task::spawn_blocking(move || worker.join()).await.is_err() {
-            tracing::error!("the worker's thread did not end properly");
+        for (name, thread) in [("worker", self.worker), ("checker", self.checker)] {
+            if !matches!(tokio::task::spawn_blocking(move || thread.join()).await, Ok(Ok(()))) {
+                tracing::error!("the {name}'s thread did not end properly");
+            }
         }
         self.service.worker_runs.store(false, Relaxed);
         self.service.store.close().await;

@@ -136,9 +136,15 @@ pub fn sequences(api: Api) -> Api {
         .route(
             "GET /sequences/{sequence}",
             read,
-            ["getSequence", "sequences", "One sequence with its manifest"],
+            [
+                "getSequence",
+                "sequences",
+                "One sequence with its manifest and its check",
+            ],
             sequences::get,
-            |o, s| o.answer::<Sequence>(s, 200, "The one with this hash, else the one last put under this name"),
+            |o, s| {
+                o.answer::<sequences::Checked>(s, 200, "The one with this hash, else the one last put under this name")
+            },
         )
         .route(
             "PUT /sequences/{sequence}",

@@ -6,7 +6,7 @@ use super::{
     page::{self, Cursor},
     upload,
 };
-use crate::store::{Sequence, Timestamp};
+use crate::store::{Check, Sequence, Timestamp};
 use axum::{
     Json,
     body::{Body, Bytes},
@@ -67,9 +67,20 @@ pub async fn list(
     Ok(Json(SequencePage { sequences, next_cursor }))
 }
 
-/// One sequence with its manifest.
-pub async fn get(State(service): Shared, ApiPath(name): ApiPath<String>) -> Result<Json<Sequence>, ApiError> {
-    find(&service, &name).await.map(Json)
+/// A sequence, and what the convention check says of it.
+#[derive(Serialize, JsonSchema)]
+pub struct Checked {
+    #[serde(flatten)]
+    sequence: Sequence,
+    /// What the convention check says of it.
+    check: Check,
+}
+
+/// One sequence with its manifest and its check.
+pub async fn get(State(service): Shared, ApiPath(name): ApiPath<String>) -> Result<Json<Checked>, ApiError> {
+    let sequence = find(&service, &name).await?;
+    let check = service.store.check(sequence.id).await?;
+    Ok(Json(Checked { sequence, check }))
 }
 
 /// The body of `POST /sequences`.
@@ -112,6 +123,7 @@ pub async fn post(
         .await
         .map_err(ApiError::internal)??;
     let (stored, new) = service.store.put_sequence(&sequence, Timestamp::now()).await?;
+    service.wake_checker.notify_one();
     let status = if new { StatusCode::CREATED } else { StatusCode::OK };
     let location = [(header::LOCATION, format!("/api/v1/sequences/{}", stored.hash))];
     Ok((status, location, Json(stored)))

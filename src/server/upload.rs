@@ -40,6 +40,7 @@ pub async fn put(
         .map_err(ApiError::internal)??;
     let (stored, new) = service.store.put_sequence(&sequence, Timestamp::now()).await?;
     tracing::info!(name = stored.name, hash = stored.hash, new, "sequence put");
+    service.wake_checker.notify_one();
     let status = if new { StatusCode::CREATED } else { StatusCode::OK };
     let location: [(HeaderName, String); 1] = [(header::LOCATION, format!("/api/v1/sequences/{}", stored.hash))];
     Ok((status, location, Json(stored)))

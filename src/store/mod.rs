@@ -6,6 +6,7 @@
 //! A report becomes visible whole or not at all: [`Store::finish`] writes every row of a job, and the job's `done`, in
 //! one transaction. Results measured elsewhere go through [`Ingest`], which commits many at once.
 
+mod checks;
 mod columns;
 mod convert;
 mod data_folder;
@@ -24,6 +25,7 @@ mod verdicts;
 mod webhooks;
 mod writing;
 
+pub use checks::{Check, Unchecked};
 pub use data_folder::{DataFolder, FolderError};
 pub use ingest::{Ingest, KeptAnswer};
 pub use jobs::{Cancelled, Failure, FailureKind, Images, Job, JobFilter, JobSpec, NewJob, Outputs, Status};

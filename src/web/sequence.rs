@@ -6,8 +6,9 @@ use super::{
     overview, parts,
 };
 use crate::{
+    sequence::check::Severity,
     server::{ApiError, ApiPath, Shared},
-    store::{JobFilter, Sequence, Timestamp},
+    store::{Check, JobFilter, Sequence, Timestamp},
 };
 use axum::{extract::State, response::Html};
 use maud::{Markup, html};
@@ -39,9 +40,11 @@ pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Res
         limit: 10,
     };
     let jobs = service.store.jobs(&filter).await?;
+    let check = service.store.check(sequence.id).await?;
     let data = json!({"hash": sequence.hash, "n_frames": sequence.n_frames});
     let content = html! {
         (heading(&sequence, now))
+        (warnings(&check))
         @if !rows.is_empty() {
             h2 { "Latest reports" }
             (overview::grid(&rows, now, false))
@@ -60,6 +63,7 @@ pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Res
         }
         h2 { "What its engine wrote" }
         (conventions(&sequence.manifest))
+        (verdicts(&check))
         (script_data(&data)?)
     };
     let page = Page {
@@ -86,6 +90,35 @@ fn heading(sequence: &Sequence, now: Timestamp) -> Markup {
             li { span.key { "put " } (format::age(sequence.put_at, now)) }
         }
     }
+}
+
+/// What the convention check warns of, above all numbers that it puts in doubt.
+fn warnings(check: &Check) -> Markup {
+    let Check::Done { report, .. } = check else {
+        return html! {};
+    };
+    html! { @for finding in &report.findings {
+        div class=(if finding.severity == Severity::Warning { "notice bad" } else { "notice" }) {
+            p { b { (finding.id) } " " (finding.message) }
+            @for suggestion in &finding.suggestions {
+                p.muted { "Set " code { (suggestion.field) } " to " code { (plain(&suggestion.value)) } "." }
+            }
+        }
+    } }
+}
+
+/// What the check confirms, and what it cannot tell.
+fn verdicts(check: &Check) -> Markup {
+    html! { @match check {
+        Check::Pending => p.muted { "The pixels have not been held against these conventions yet." },
+        Check::Failed { error, .. } => p.muted { "The conventions could not be checked: " (error) },
+        Check::Done { report, .. } => {
+            @if !report.confirmed.is_empty() { p.muted { "Confirmed by the pixels: " (report.confirmed.join(", ")) "." } }
+            @for undecided in &report.undecided {
+                p.muted { "Not to be told: " (undecided.field) ": " (undecided.reason) "." }
+            }
+        }
+    } }
 }
 
 fn reference(sequence: &Sequence) -> Markup {

@@ -542,3 +542,56 @@ fn a_job_can_validate_its_adapter() {
     assert_eq!(absent.status, 404);
     assert!(absent.text().contains("was not validated"), "{}", absent.text());
 }
+
+/// The check of a sequence, once it is there.
+fn wait_for_check(client: &Client, sequence: &str) -> Value {
+    let deadline = Instant::now() + Duration::from_secs(60);
+    loop {
+        let check = client.get(&format!("/sequences/{sequence}")).json()["check"].clone();
+        if check["status"] != "pending" {
+            return check;
+        }
+        assert!(Instant::now() < deadline, "not checked after a minute");
+        thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn every_new_sequence_is_checked_and_its_page_warns() {
+    let service = TestService::start(Scripted(never), &[]);
+    let client = service.client();
+    let wrong = crate::sequence::copy_of("pan");
+    crate::sequence::edit(&wrong, |manifest| manifest["motion"]["y"] = json!("down"));
+    let mut archive = Vec::new();
+    let sequence = afterimage::sequence::Sequence::open(wrong.path(), &crate::sequence::reader()).unwrap();
+    sequence.pack(&mut archive).unwrap();
+    for (name, archive) in [("right", packed("pan")), ("wrong", archive)] {
+        assert_eq!(client.put(name, &archive).status, 201);
+    }
+    let right = wait_for_check(&client, "right");
+    assert_eq!(
+        (&right["status"], &right["n_warnings"]),
+        (&json!("done"), &json!(0)),
+        "{right}"
+    );
+    let found = wait_for_check(&client, "wrong");
+    assert_eq!(
+        (&found["findings"][0]["id"], &found["n_warnings"]),
+        (&json!("motion.y"), &json!(1)),
+        "{found}"
+    );
+    assert!(client.get("/sequences").json()["sequences"][0].get("check").is_none());
+
+    let page = |name: &str| {
+        let mut response = ureq::get(service.url(&format!("/sequences/{name}"))).call().unwrap();
+        response.body_mut().read_to_string().unwrap()
+    };
+    assert!(page("wrong").contains("motion y looks flipped"));
+    assert!(!page("right").contains("notice bad") && page("right").contains("Confirmed by the pixels"));
+
+    // What was found outlives the service; nothing is checked again.
+    let checked_at = found["checked_at"].clone();
+    let data = service.stop();
+    let service = TestService::start_in(data, Scripted(never), &[]);
+    assert_eq!(wait_for_check(&service.client(), "wrong")["checked_at"], checked_at);
+}

@@ -302,3 +302,33 @@ fn run_validates_the_adapter() {
         "{measured}"
     );
 }
+
+#[test]
+fn check_says_what_is_wrong_and_exits_with_it() {
+    let clean = succeed(&["check", "fixtures/pan"]);
+    assert!(
+        clean.contains("no warning for `pan`") && clean.contains("motion.y"),
+        "{clean}"
+    );
+
+    let folder = crate::sequence::copy_of("pan");
+    crate::sequence::edit(&folder, |manifest| manifest["motion"]["y"] = "down".into());
+    let path = folder.path().to_str().unwrap();
+    let output = afterimage(&["check", path]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    let shown = text(&output.stdout);
+    assert!(
+        shown.contains("motion y looks flipped: error") && shown.contains("set motion.y to \"up\""),
+        "{shown}"
+    );
+
+    let output = afterimage(&["check", path, "--json", "-"]);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let finding = &report["findings"][0];
+    assert_eq!(
+        (&finding["id"], &finding["severity"]),
+        (&"motion.y".into(), &"warning".into())
+    );
+    assert!(finding["evidence"]["error_declared"].as_f64() > finding["evidence"]["error_corrected"].as_f64());
+    assert!(refuse(&["check", "fixtures"]).contains("no manifest.json there"));
+}

@@ -52,7 +52,10 @@ impl File {
         let positions = file.floats("VEC3", &corners);
         let uvs = file.floats("VEC2", &[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
         let normals = file.floats("VEC3", &[[0.0, 0.0, 1.0]; 4]);
-        let indices = [0_u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()).collect::<Vec<_>>();
+        let indices = [0_u16, 1, 2, 0, 2, 3]
+            .iter()
+            .flat_map(|i| i.to_le_bytes())
+            .collect::<Vec<_>>();
         let indices = file.accessor("SCALAR", 5123, 6, &indices);
         file.json["meshes"] = json!([{"primitives": [{
             "attributes": {"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uvs},
@@ -79,7 +82,11 @@ impl File {
 
     fn floats<const N: usize>(&mut self, kind: &str, elements: &[[f32; N]]) -> usize {
         let bytes: Vec<u8> = elements.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
-        let n = if kind == "SCALAR" { N * elements.len() } else { elements.len() };
+        let n = if kind == "SCALAR" {
+            N * elements.len()
+        } else {
+            elements.len()
+        };
         self.accessor(kind, 5126, n, &bytes)
     }
 
@@ -217,7 +224,14 @@ fn splines_and_steps_are_where_the_format_says() {
     // Tangents of a straight line make a cubic spline of it.
     let mut file = File::new();
     let v = SPEED as f32;
-    let line = [[v, 0.0, 0.0], [0.0; 3], [v, 0.0, 0.0], [v, 0.0, 0.0], [v, 0.0, 0.0], [v, 0.0, 0.0]];
+    let line = [
+        [v, 0.0, 0.0],
+        [0.0; 3],
+        [v, 0.0, 0.0],
+        [v, 0.0, 0.0],
+        [v, 0.0, 0.0],
+        [v, 0.0, 0.0],
+    ];
     file.animate(0, "translation", "VEC3", &[[0.0; 3], [v, 0.0, 0.0]]);
     file.json["animations"][0]["samplers"][0]["output"] = json!(file.floats("VEC3", &line));
     file.json["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE");
@@ -239,7 +253,11 @@ fn depth_and_colour_are_those_of_the_file() {
     assert!((center(&frame.depth) - 5.0).abs() < 1e-5);
     assert_eq!(center(&frame.object_id), 1);
     let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|i| (a[i] - b[i]).abs() < 2e-3);
-    assert!(near(center(&frame.albedo), [0.8, 0.4, 0.2]), "{:?}", center(&frame.albedo));
+    assert!(
+        near(center(&frame.albedo), [0.8, 0.4, 0.2]),
+        "{:?}",
+        center(&frame.albedo)
+    );
     // Unlit, with a texture of one colour: code 188 is half of the light.
     let mut file = File::new();
     let mut png = Vec::new();
@@ -252,7 +270,11 @@ fn depth_and_colour_are_those_of_the_file() {
     file.json["materials"][0]["extensions"] = json!({"KHR_materials_unlit": {}});
     file.json["extensionsUsed"] = json!(["KHR_materials_unlit"]);
     let frame = &frames(&file, 1)[0];
-    assert!(near(center(&frame.color), [0.4006, 0.4, 0.0]), "{:?}", center(&frame.color));
+    assert!(
+        near(center(&frame.color), [0.4006, 0.4, 0.0]),
+        "{:?}",
+        center(&frame.color)
+    );
 }
 
 #[test]
@@ -313,12 +335,24 @@ fn paths_that_leave_frames_without_a_camera_are_refused() {
     let file = File::new().write(folder.path());
     let (a, b) = ((0.0, [0.0, 0.0, 5.0]), (9.0, [1.0, 0.0, 5.0]));
     let cases = [
-        (path_json(&[a, b], &[]), "its last frame is 11; add keys, or bake fewer frames"),
-        (path_json(&[a, b], &[10]), "there is none for the shot that begins at frame 10"),
+        (
+            path_json(&[a, b], &[]),
+            "its last frame is 11; add keys, or bake fewer frames",
+        ),
+        (
+            path_json(&[a, b], &[10]),
+            "there is none for the shot that begins at frame 10",
+        ),
         (path_json(&[(3.0, a.1), (12.0, b.1)], &[]), "the shot begins at frame 0"),
         (path_json(&[b, a], &[]), "keys[1].frame: must be after the key before"),
-        (path_json(&[(0.0, [0.0, 0.0, 0.0])], &[]), "keys[0]: needs a frame, and an eye apart"),
-        (json!({"fov_y_degrees": 45.0, "keys": [], "cats": []}), "unknown field `cats`"),
+        (
+            path_json(&[(0.0, [0.0, 0.0, 0.0])], &[]),
+            "keys[0]: needs a frame, and an eye apart",
+        ),
+        (
+            json!({"fov_y_degrees": 45.0, "keys": [], "cats": []}),
+            "unknown field `cats`",
+        ),
     ];
     for (path, expected) in cases {
         let name = folder.path().join("path.json");
@@ -414,12 +448,18 @@ fn a_file_that_changes_is_not_baked_and_leaves_nothing() {
     let manifest = fs::read_to_string(out.join("manifest.json")).unwrap();
     let manifest: Value = serde_json::from_str(&manifest).unwrap();
     assert_eq!(manifest["license"], "CC-BY-4.0 Somebody");
-    assert_eq!(manifest["bake"]["gltf"]["sha256"], settings.gltf.as_ref().unwrap().sha256.as_str());
+    assert_eq!(
+        manifest["bake"]["gltf"]["sha256"],
+        settings.gltf.as_ref().unwrap().sha256.as_str()
+    );
     file.json["nodes"][0]["translation"] = json!([0, 0, 1]);
     file.write(folder.path());
     let again = folder.path().join("again");
     let error = bake(gpu(), &settings, &again, &()).unwrap_err();
-    assert!(matches!(&error, BakeError::Gltf(error) if error.problem.contains("has changed")), "{error}");
+    assert!(
+        matches!(&error, BakeError::Gltf(error) if error.problem.contains("has changed")),
+        "{error}"
+    );
     assert!(!again.exists());
     assert_ne!(settings_of(&path, None, 1).unwrap().gltf, settings.gltf);
 }

@@ -20,9 +20,12 @@ use std::{
 };
 use tempfile::TempDir;
 
+#[path = "../../examples/make_fixtures/files.rs"]
+#[allow(dead_code, reason = "the generator uses the rest")]
+pub mod files;
 #[path = "../../examples/make_fixtures/scene.rs"]
 #[allow(dead_code, reason = "the generator uses the rest")]
-mod scene;
+pub mod scene;
 
 use scene::{ENGINE, PAN, STATIC, Sample, Scene, UPSCALE, jitter_px};
 

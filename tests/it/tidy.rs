@@ -39,7 +39,10 @@ fn each_module_knows_only_what_it_may() {
         ("wgpu::", &["gpu/", "taa/", "metrics/gpu", "run/", "scene/"]),
         ("sqlx", &["store/"]),
         ("axum", &["server/", "web/"]),
-        ("crate::store", &["store/", "server/", "web/", "worker.rs"]),
+        (
+            "crate::store",
+            &["store/", "server/", "web/", "worker.rs", "checker.rs"],
+        ),
         ("crate::server", &["server/", "web/", "worker.rs"]),
         (
             "crate::run",

@@ -40,7 +40,9 @@ impl Data {
         let content = fs::read(path).map_err(|error| error.to_string())?;
         let file = gltf::Gltf::from_slice(&content).map_err(|error| format!("is not glTF 2.0: {error}"))?;
         if let Some(extension) = file.extensions_required().find(|name| !EXTENSIONS.contains(name)) {
-            return Err(format!("requires the extension {extension}, which is not understood here"));
+            return Err(format!(
+                "requires the extension {extension}, which is not understood here"
+            ));
         }
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let mut data = Self {
@@ -64,7 +66,9 @@ impl Data {
         for buffer in self.document.buffers() {
             let what = format!("buffer {}", buffer.index());
             let bytes = match buffer.source() {
-                buffer::Source::Bin => blob.take().ok_or_else(|| format!("{what}: the file has no binary part"))?,
+                buffer::Source::Bin => blob
+                    .take()
+                    .ok_or_else(|| format!("{what}: the file has no binary part"))?,
                 buffer::Source::Uri(uri) => read_uri(folder, uri).map_err(|error| format!("{what}: {error}"))?,
             };
             if bytes.len() < buffer.length() {
@@ -190,7 +194,10 @@ impl Data {
         let reader = reader.with_guessed_format().map_err(|error| what(error.to_string()))?;
         let decoded = reader.decode().map_err(|error| what(error.to_string()))?.into_rgba32f();
         let extent = Extent::new(decoded.width(), decoded.height());
-        Ok(Image::from_pixels(extent, decoded.pixels().map(|pixel| pixel.0).collect()))
+        Ok(Image::from_pixels(
+            extent,
+            decoded.pixels().map(|pixel| pixel.0).collect(),
+        ))
     }
 }
 
@@ -224,9 +231,7 @@ fn fixed<const N: usize>(bytes: &[u8]) -> [u8; N] {
 /// A file beside the glTF file, or what the URI itself holds.
 fn read_uri(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
-        let (_, encoded) = data
-            .split_once(";base64,")
-            .ok_or("its data URI is not in base64")?;
+        let (_, encoded) = data.split_once(";base64,").ok_or("its data URI is not in base64")?;
         return base64::engine::general_purpose::STANDARD
             .decode(encoded)
             .map_err(|error| format!("its data URI: {error}"));

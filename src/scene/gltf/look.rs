@@ -106,9 +106,8 @@ pub fn texture_coordinates(of: &gltf::Material<'_>) -> (u32, TextureMatrix) {
 }
 
 fn mean(image: &Image<Texel>) -> [f32; 4] {
-    let sum = image
-        .pixels()
-        .iter()
-        .fold([0.0; 4], |sum: [f64; 4], texel| std::array::from_fn(|i| sum[i] + f64::from(texel[i])));
+    let sum = image.pixels().iter().fold([0.0; 4], |sum: [f64; 4], texel| {
+        std::array::from_fn(|i| sum[i] + f64::from(texel[i]))
+    });
     sum.map(|c| (c / image.pixels().len() as f64) as f32)
 }

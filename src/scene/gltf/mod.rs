@@ -97,7 +97,13 @@ impl GltfScene {
     /// The file's name without its ending.
     pub fn name(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
-        let plain = |c: char| if c.is_ascii_alphanumeric() || "_.-".contains(c) { c } else { '-' };
+        let plain = |c: char| {
+            if c.is_ascii_alphanumeric() || "_.-".contains(c) {
+                c
+            } else {
+                '-'
+            }
+        };
         name.chars().map(plain).collect()
     }
 
@@ -178,14 +184,15 @@ impl Builder<'_> {
         let skin = match node.skin() {
             Some(skin) => {
                 let read = Skin::read(self.data, &skin);
-                Some(Arc::new(read.map_err(|error| format!("skin {}: {error}", skin.index()))?))
+                Some(Arc::new(
+                    read.map_err(|error| format!("skin {}: {error}", skin.index()))?,
+                ))
             }
             None => None,
         };
         for primitive in mesh.primitives() {
-            self.add_primitive(node, &mesh, &primitive, skin.clone()).map_err(|error| {
-                format!("mesh {}, primitive {}: {error}", mesh.index(), primitive.index())
-            })?;
+            self.add_primitive(node, &mesh, &primitive, skin.clone())
+                .map_err(|error| format!("mesh {}, primitive {}: {error}", mesh.index(), primitive.index()))?;
         }
         Ok(())
     }

@@ -84,7 +84,10 @@ impl Rig {
                 let is_it = |animation: &gltf::Animation<'_>| {
                     animation.name() == Some(wanted) || wanted.parse() == Ok(animation.index())
                 };
-                Some(all.find(is_it).ok_or_else(|| format!("has no animation `{wanted}`; there are: {}", names()))?)
+                Some(
+                    all.find(is_it)
+                        .ok_or_else(|| format!("has no animation `{wanted}`; there are: {}", names()))?,
+                )
             }
         };
         for channel in found.iter().flat_map(gltf::Animation::channels) {
@@ -116,7 +119,10 @@ impl Rig {
     /// Weights of the morph targets of a node's mesh, where the node has any.
     pub fn weights(&self, node: usize, seconds: f64) -> Vec<f64> {
         let node = &self.nodes[node];
-        let track = node.tracks.iter().find(|track| track.property == Property::MorphTargetWeights);
+        let track = node
+            .tracks
+            .iter()
+            .find(|track| track.property == Property::MorphTargetWeights);
         track.map_or_else(|| node.weights.clone(), |track| track.at(seconds))
     }
 }
@@ -130,7 +136,11 @@ impl Node {
             translation: DVec3::from_array(translation.map(f64::from)),
             rotation: DQuat::from_array(rotation.map(f64::from)),
             scale: DVec3::from_array(scale.map(f64::from)),
-            weights: weights.unwrap_or_default().iter().map(|weight| f64::from(*weight)).collect(),
+            weights: weights
+                .unwrap_or_default()
+                .iter()
+                .map(|weight| f64::from(*weight))
+                .collect(),
             tracks: Vec::new(),
         }
     }
@@ -167,7 +177,12 @@ impl Track {
             Property::MorphTargetWeights => Dimensions::Scalar,
         };
         let values = data.numbers(&sampler.output(), dimensions)?;
-        let n_keys = times.len() * if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let n_keys = times.len()
+            * if interpolation == Interpolation::CubicSpline {
+                3
+            } else {
+                1
+            };
         let n = match property {
             Property::MorphTargetWeights => values.len() / n_keys,
             _ => dimensions.multiplicity(),

@@ -24,7 +24,12 @@ pub type TextureMatrix = Mat3;
 
 impl Shape {
     /// Reads a primitive with one set of texture coordinates. None where it has no triangles.
-    pub fn read(data: &Data, primitive: &Primitive<'_>, set: u32, matrix: TextureMatrix) -> Result<Option<Self>, String> {
+    pub fn read(
+        data: &Data,
+        primitive: &Primitive<'_>,
+        set: u32,
+        matrix: TextureMatrix,
+    ) -> Result<Option<Self>, String> {
         let positions = primitive.get(&Semantic::Positions).ok_or("has no positions")?;
         let positions = vectors(data, &positions)?;
         let n = positions.len();
@@ -36,7 +41,9 @@ impl Shape {
             Some(accessor) => of_length(n, "texture coordinates", pairs(data, &accessor)?)?,
             None => vec![Vec2::ZERO; n],
         };
-        let Some(indices) = triangles(data, primitive, n)? else { return Ok(None) };
+        let Some(indices) = triangles(data, primitive, n)? else {
+            return Ok(None);
+        };
         let mut shape = Self {
             vertices: (0..n)
                 .map(|i| Vertex {
@@ -58,7 +65,9 @@ impl Shape {
     /// Gives every triangle corners and a normal of its own.
     fn flatten(&mut self) {
         let pick = |i: &u32| *i as usize;
-        self.targets.iter_mut().for_each(|target| *target = self.indices.iter().map(|i| target[pick(i)]).collect());
+        self.targets
+            .iter_mut()
+            .for_each(|target| *target = self.indices.iter().map(|i| target[pick(i)]).collect());
         if !self.joints.is_empty() {
             self.joints = self.indices.iter().map(|i| self.joints[pick(i)].clone()).collect();
         }
@@ -79,7 +88,13 @@ impl Shape {
         };
         Mesh {
             vertices: self.vertices.iter().map(flip).collect(),
-            indices: self.indices.as_chunks().0.iter().flat_map(|[a, b, c]| [*a, *c, *b]).collect(),
+            indices: self
+                .indices
+                .as_chunks()
+                .0
+                .iter()
+                .flat_map(|[a, b, c]| [*a, *c, *b])
+                .collect(),
             deform: None,
         }
     }
@@ -112,9 +127,9 @@ impl Shape {
                     normal += *weight * target[i][1].as_dvec3();
                 }
                 if let (Some(matrices), Some(joints)) = (&matrices, joints.get(i)) {
-                    let blended = joints
-                        .iter()
-                        .fold(DMat4::ZERO, |sum, (joint, weight)| sum + matrices[*joint as usize] * *weight);
+                    let blended = joints.iter().fold(DMat4::ZERO, |sum, (joint, weight)| {
+                        sum + matrices[*joint as usize] * *weight
+                    });
                     position = blended.transform_point3(position);
                     normal = cofactor(DMat3::from_mat4(blended)) * normal;
                 }
@@ -136,7 +151,11 @@ impl Shape {
 
 /// What normals are multiplied by; right for every scaling, and needs no inverse.
 fn cofactor(m: DMat3) -> DMat3 {
-    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+    DMat3::from_cols(
+        m.y_axis.cross(m.z_axis),
+        m.z_axis.cross(m.x_axis),
+        m.x_axis.cross(m.y_axis),
+    )
 }
 
 /// Bones: nodes, and the mesh's place as each of them sees it.
@@ -149,10 +168,17 @@ impl Skin {
         let nodes: Vec<usize> = skin.joints().map(|joint| joint.index()).collect();
         let inverse = match skin.inverse_bind_matrices() {
             Some(accessor) => data.numbers(&accessor, Dimensions::Mat4)?,
-            None => nodes.iter().flat_map(|_| glam::Mat4::IDENTITY.to_cols_array()).collect(),
+            None => nodes
+                .iter()
+                .flat_map(|_| glam::Mat4::IDENTITY.to_cols_array())
+                .collect(),
         };
         if inverse.len() < 16 * nodes.len() {
-            return Err(format!("has {} joints and {} matrices", nodes.len(), inverse.len() / 16));
+            return Err(format!(
+                "has {} joints and {} matrices",
+                nodes.len(),
+                inverse.len() / 16
+            ));
         }
         let matrices = inverse.as_chunks::<16>().0.iter();
         let matrices = matrices.map(|columns| DMat4::from_cols_array(&columns.map(f64::from)));

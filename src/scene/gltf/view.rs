@@ -54,7 +54,10 @@ impl View {
     /// A path where `text` names a JSON file, else the name of a camera.
     pub fn parse(text: &str, n_frames: usize) -> Result<Self, String> {
         let path = Path::new(text);
-        if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
+        if !path
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+        {
             return Ok(Self::Named(text.to_owned()));
         }
         let content = fs::read_to_string(path).map_err(|error| error.to_string())?;
@@ -77,7 +80,9 @@ impl CameraPath {
                 return Err(format!("keys[{i}]: needs a frame, and an eye apart from its target"));
             }
             if sight.cross(DVec3::Y).length() < 1e-6 * sight.length() {
-                return Err(format!("keys[{i}]: looks straight up or down, where there is no upright"));
+                return Err(format!(
+                    "keys[{i}]: looks straight up or down, where there is no upright"
+                ));
             }
             if i > 0 && self.keys[i - 1].frame >= key.frame {
                 return Err(format!("keys[{i}].frame: must be after the key before"));
@@ -100,7 +105,10 @@ impl CameraPath {
                 ));
             }
             if keys[0].frame > first as f64 && keys.len() > 1 {
-                return Err(format!("keys: the shot begins at frame {first}, and its keys at {}", keys[0].frame));
+                return Err(format!(
+                    "keys: the shot begins at frame {first}, and its keys at {}",
+                    keys[0].frame
+                ));
             }
         }
         Ok(())
@@ -154,7 +162,13 @@ pub struct Seen {
 }
 
 /// The camera that `view` names.
-pub fn camera(view: &View, data: &Data, rig: &Arc<Rig>, bounds: Bounds, seconds: fn(f64) -> f64) -> Result<Seen, String> {
+pub fn camera(
+    view: &View,
+    data: &Data,
+    rig: &Arc<Rig>,
+    bounds: Bounds,
+    seconds: fn(f64) -> f64,
+) -> Result<Seen, String> {
     let cameras = rig::cameras(data, rig);
     let near = 1e-3 * bounds.radius;
     let seen = |camera| Seen {
@@ -183,11 +197,15 @@ pub fn camera(view: &View, data: &Data, rig: &Arc<Rig>, bounds: Bounds, seconds:
     let camera = of_node.as_ref().and_then(gltf::Node::camera);
     let projection = camera.as_ref().map(gltf::Camera::projection);
     let Some(Projection::Perspective(lens)) = projection else {
-        return Err(format!("the camera of node {node} has no perspective; only such can be rendered"));
+        return Err(format!(
+            "the camera of node {node} has no perspective; only such can be rendered"
+        ));
     };
     let fov_y = f64::from(lens.yfov());
     if !(0.01..3.0).contains(&fov_y) {
-        return Err(format!("the camera of node {node} opens by {fov_y} radians; must be 0.01 to 3"));
+        return Err(format!(
+            "the camera of node {node} opens by {fov_y} radians; must be 0.01 to 3"
+        ));
     }
     let rig = Arc::clone(rig);
     Ok(Seen {

@@ -28,7 +28,7 @@ pub enum Preset {
     /// Unreal: velocity as version 4's G-buffer encodes it in [0, 1], where x = 0 means "none written". Version 5 takes
     /// a square root first, which no scale and bias undo: decode it, and set scale, bias and `invalid_value`.
     Unreal,
-    /// Godot 4.
+    /// Godot 4: the jitter is added to normalised device coordinates, whose y points down there; velocity (−1, −1) is none.
     Godot,
 }
 
@@ -70,9 +70,9 @@ impl Preset {
                 offset_px(),
             ),
             Self::Godot => (
-                motion("uv", "current_to_previous", "down"),
+                godot_velocity(),
                 json!({"kind": "device", "reversed": true}),
-                jitter("uv", "projection_offset", "down"),
+                jitter("ndc", "projection_offset", "down"),
             ),
         };
         let color = json!({"transfer": "linear", "pre_exposed": self == Self::Unreal});
@@ -88,6 +88,11 @@ fn unreal_velocity() -> Value {
         "units": "ndc", "direction": "previous_to_current", "y": "up",
         "scale": [scale, scale], "bias": [bias, bias], "invalid_value": 0,
     })
+}
+
+/// Godot clears its velocity buffer to (−1, −1), and only moving objects write to it.
+fn godot_velocity() -> Value {
+    json!({"units": "uv", "direction": "current_to_previous", "y": "down", "invalid_value": [-1, -1]})
 }
 
 /// The fields in which `reference` and `unjittered_color` follow `color`: one renderer wrote all three.

@@ -1,0 +1,173 @@
+//! Fits and their certainty: by how much images are shifted, and whether one explanation is better than another.
+
+/// Sums of a least-squares fit of a shift, a tile each.
+#[derive(Clone, Copy, Default)]
+struct Normal {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+    xe: f64,
+    ye: f64,
+}
+
+impl Normal {
+    fn solve(self) -> Option<[f64; 2]> {
+        let determinant = self.xx * self.yy - self.xy * self.xy;
+        let trace = self.xx + self.yy;
+        // A hundredth: nearly all slopes point one way, and a shift across them is only guessed.
+        (trace > 0.0 && determinant > 0.002 * trace * trace).then(|| {
+            [
+                (self.yy * self.xe - self.xy * self.ye) / determinant,
+                (self.xx * self.ye - self.xy * self.xe) / determinant,
+            ]
+        })
+    }
+}
+
+/// A shift with its standard errors, in pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Shift {
+    pub by: [f64; 2],
+    pub sigma: [f64; 2],
+}
+
+/// The shift d for which the samples `(value, position → (value, slope))` agree best: values(i) ≈ at(i, d). Gauss and
+/// Newton's iteration from no shift; certainty from leaving out one of the tiles at a time.
+pub fn shift(
+    n_samples: usize,
+    n_tiles: usize,
+    tile_of: impl Fn(usize) -> usize,
+    residual: impl Fn(usize, [f64; 2]) -> Option<(f64, [f64; 2])>,
+    start: [f64; 2],
+) -> Option<Shift> {
+    const MAX_STEPS: usize = 6;
+    let mut d = start;
+    let mut tiles = Vec::new();
+    for step in 0..MAX_STEPS {
+        tiles = vec![Normal::default(); n_tiles];
+        for i in 0..n_samples {
+            let Some((error, [gx, gy])) = residual(i, d) else {
+                continue;
+            };
+            let tile = &mut tiles[tile_of(i)];
+            tile.xx += gx * gx;
+            tile.xy += gx * gy;
+            tile.yy += gy * gy;
+            tile.xe += gx * error;
+            tile.ye += gy * error;
+        }
+        let by = total(&tiles).solve()?;
+        d = [d[0] + by[0], d[1] + by[1]];
+        if !(d[0].abs() < 4.0 && d[1].abs() < 4.0) {
+            return None;
+        }
+        if by[0].abs().max(by[1].abs()) < 1e-3 && step > 0 {
+            break;
+        }
+    }
+    // Jackknife about the last linearisation, whose own step is nearly nothing.
+    let all = total(&tiles);
+    let whole = all.solve()?;
+    let n = tiles.len() as f64;
+    let mut variance = [0.0; 2];
+    for tile in &tiles {
+        let without = Normal {
+            xx: all.xx - tile.xx,
+            xy: all.xy - tile.xy,
+            yy: all.yy - tile.yy,
+            xe: all.xe - tile.xe,
+            ye: all.ye - tile.ye,
+        };
+        let by = without.solve().unwrap_or([f64::INFINITY; 2]);
+        for axis in 0..2 {
+            variance[axis] += (by[axis] - whole[axis]).powi(2) * (n - 1.0) / n;
+        }
+    }
+    Some(Shift {
+        by: d,
+        sigma: variance.map(f64::sqrt),
+    })
+}
+
+fn total(tiles: &[Normal]) -> Normal {
+    tiles.iter().fold(Normal::default(), |sum, tile| Normal {
+        xx: sum.xx + tile.xx,
+        xy: sum.xy + tile.xy,
+        yy: sum.yy + tile.yy,
+        xe: sum.xe + tile.xe,
+        ye: sum.ye + tile.ye,
+    })
+}
+
+/// Sums of errors of several explanations of the same samples, a tile of a frame each.
+#[derive(Clone, Default)]
+pub struct Errors {
+    /// By tile, then explanation.
+    tiles: Vec<Vec<f64>>,
+    n_samples: usize,
+}
+
+/// How much better one explanation is than another.
+#[derive(Clone, Copy, Debug)]
+pub struct Gain {
+    /// Share of the error that goes away; negative where the other is worse.
+    pub share: f64,
+    /// The difference in its standard errors, from how much it varies between tiles.
+    pub z: f64,
+}
+
+impl Errors {
+    /// A tile's sums over `n_samples` samples.
+    pub fn push(&mut self, sums: Vec<f64>, n_samples: usize) {
+        self.tiles.push(sums);
+        self.n_samples += n_samples;
+    }
+
+    /// Everything of `other` too.
+    pub fn extend(&mut self, other: Self) {
+        self.tiles.extend(other.tiles);
+        self.n_samples += other.n_samples;
+    }
+
+    /// Mean error of an explanation.
+    pub fn mean(&self, index: usize) -> f64 {
+        self.sum(index) / self.n_samples.max(1) as f64
+    }
+
+    fn sum(&self, index: usize) -> f64 {
+        self.tiles.iter().map(|tile| tile[index]).sum()
+    }
+
+    /// What is gained by going from `from` to `to`.
+    pub fn gain(&self, from: usize, to: usize) -> Gain {
+        let differences: Vec<f64> = self.tiles.iter().map(|tile| tile[from] - tile[to]).collect();
+        let n = differences.len().max(2) as f64;
+        let sum: f64 = differences.iter().sum();
+        let mean = sum / n;
+        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let total = self.sum(from);
+        Gain {
+            share: if total > 0.0 { sum / total } else { 0.0 },
+            z: if variance > 0.0 {
+                mean / (variance / n).sqrt()
+            } else {
+                0.0
+            },
+        }
+    }
+
+    /// The explanation with the least error.
+    pub fn best(&self) -> usize {
+        let n = self.tiles.first().map_or(0, Vec::len);
+        (0..n).min_by(|&a, &b| self.sum(a).total_cmp(&self.sum(b))).unwrap_or(0)
+    }
+}
+
+/// The median; NaN of nothing.
+pub fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
