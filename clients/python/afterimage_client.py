@@ -88,7 +88,7 @@ class Alert(TypedDict):
     #: In words.
     detail: str
     #: In numbers.
-    finding: "Finding"
+    finding: "Finding2"
     #: Number, rising with time.
     id: int
     #: Its job, if it came from one.
@@ -193,13 +193,13 @@ class ChangeRuleInput(TypedDict):
     #: Look at the newest so many results.
     window: NotRequired[int]
 
-class Check(TypedDict):
+class Check2(TypedDict):
     """A check and its outcome."""
 
     #: In words.
     detail: str
     #: In numbers.
-    finding: "Finding"
+    finding: "Finding2"
     #: What kind of check.
     kind: "Kind"
     #: The metric's id.
@@ -212,6 +212,28 @@ class Check(TypedDict):
     sequence: str
     #: The line; none where nothing is stored.
     series_id: Union[int, None]
+
+class Checked(TypedDict):
+    """A sequence, and what the convention check says of it."""
+
+    #: What the convention check says of it.
+    check: "Check"
+    #: Content hash: SHA-256 in hexadecimal.
+    hash: str
+    #: The manifest as submitted; left out of lists.
+    manifest: NotRequired[Any]
+    #: Size of its folder in bytes.
+    n_bytes: int
+    #: Number of frames.
+    n_frames: int
+    #: The name it was last put under.
+    name: str
+    #: Size of the reference.
+    output_size: "Extent"
+    #: When it was last put.
+    put_at: "Timestamp"
+    #: Size of the engine's frames.
+    render_size: "Extent"
 
 class Choice(TypedDict):
     """A name that a parameter can have."""
@@ -352,6 +374,20 @@ class Failure(TypedDict):
     message: str
 
 class Finding(TypedDict):
+    """Something that looks wrong."""
+
+    #: The numbers.
+    evidence: Dict[str, float]
+    #: Stable name, such as `motion.y`.
+    id: str
+    #: One sentence with the numbers that matter.
+    message: str
+    #: How much it matters.
+    severity: "Severity"
+    #: What to change in the manifest, where that can mend it.
+    suggestions: List["Suggestion"]
+
+class Finding2(TypedDict):
     """What was found, as far as it applies."""
 
     #: How far the value lies from what was before or approved; its sign is the value's change.
@@ -496,7 +532,7 @@ class Judgement(TypedDict):
     #: Numbers of the alerts that this opened.
     alerts: List[int]
     #: Every check.
-    checks: List["Check"]
+    checks: List["Check2"]
     #: A regression if there is any; else unknown if anything could not be told.
     outcome: "Outcome"
 
@@ -931,6 +967,14 @@ class Series(TypedDict):
     #: Row id.
     series_id: int
 
+class Suggestion(TypedDict):
+    """A field of the manifest and the value that fits."""
+
+    #: Such as `motion.y`.
+    field: str
+    #: Such as `"down"`.
+    value: Any
+
 class Summary(TypedDict):
     """One metric over the frames of a sequence."""
 
@@ -1041,6 +1085,14 @@ class TrendList(TypedDict):
     #: One for each combination of sequence, recipe and environment that has points.
     series: List["Trend"]
 
+class Undecided(TypedDict):
+    """A convention that the pixels do not tell."""
+
+    #: Such as `motion.y`.
+    field: str
+    #: Why not.
+    reason: str
+
 class Validation(TypedDict):
     """A recipe over a sequence, on the adapter and on its twin."""
 
@@ -1113,6 +1165,9 @@ BencherRequest = Dict[str, Dict[str, "BencherMetric"]]
 #: Which way a metric improves.
 Better = Union[Literal['higher'], Literal['lower']]
 
+#: Where the check of a sequence stands.
+Check = Dict[str, Any]
+
 #: The `next_cursor` of the page before.
 Cursor = str
 
@@ -1166,6 +1221,9 @@ Rectify = Union[Literal['clamp'], Literal['clip_centre'], Literal['clip_current'
 
 #: What a token allows.
 Scope = Union[Literal['admin'], Literal['approve'], Literal['read'], Literal['submit']]
+
+#: How much a finding matters.
+Severity = Union[Literal['note'], Literal['warning']]
 
 #: How the shown image is sharpened.
 Sharpen = Union[Literal['none'], Literal['normalised'], Literal['rcas'], Literal['xu']]
@@ -1525,8 +1583,8 @@ class Client:
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
         return self._request('POST', f"/sequences", {}, {'Idempotency-Key': idempotency_key}, body)
 
-    def get_sequence(self, sequence: str) -> "Sequence":
-        """One sequence with its manifest
+    def get_sequence(self, sequence: str) -> "Checked":
+        """One sequence with its manifest and its check
 
         sequence: Content hash, or the name it was last put under."""
         return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, None)

@@ -278,6 +278,30 @@ fn depth_and_colour_are_those_of_the_file() {
 }
 
 #[test]
+fn positions_may_be_whole_numbers() {
+    let plain = &frames(&File::new(), 1)[0];
+    let mut file = File::new();
+    let corner = |x: i16, y: i16| [x, y, 0, 7].map(i16::to_le_bytes).concat();
+    let max = i16::MAX;
+    let corners = [
+        corner(-max, -max),
+        corner(max, -max),
+        corner(max, max),
+        corner(-max, max),
+    ]
+    .concat();
+    let positions = file.accessor("VEC3", 5122, 4, &corners);
+    file.json["accessors"][positions]["normalized"] = json!(true);
+    let view = file.json["accessors"][positions]["bufferView"].as_u64().unwrap() as usize;
+    file.json["bufferViews"][view]["byteStride"] = json!(8);
+    file.primitive()["attributes"]["POSITION"] = json!(positions);
+    file.json["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+    file.json["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
+    let quantised = &frames(&file, 1)[0];
+    assert_eq!(quantised.object_id.pixels(), plain.object_id.pixels());
+}
+
+#[test]
 fn places_that_mirror_show_the_same_side() {
     let plain = &frames(&File::new(), 1)[0];
     let mut file = File::new();

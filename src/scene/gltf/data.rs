@@ -38,15 +38,21 @@ impl Data {
     /// Reads a `.gltf` or `.glb` file, its buffers and its images.
     pub fn open(path: &Path) -> Result<Self, String> {
         let content = fs::read(path).map_err(|error| error.to_string())?;
-        let file = gltf::Gltf::from_slice(&content).map_err(|error| format!("is not glTF 2.0: {error}"))?;
-        if let Some(extension) = file.extensions_required().find(|name| !EXTENSIONS.contains(name)) {
-            return Err(format!(
-                "requires the extension {extension}, which is not understood here"
-            ));
+        let wrong = |error: gltf::Error| format!("is not glTF 2.0: {error}");
+        let file = gltf::Gltf::from_slice_without_validation(&content).map_err(wrong)?;
+        let mut json = file.document.into_json();
+        // The crate refuses one that only this module has to understand.
+        for extension in std::mem::take(&mut json.extensions_required) {
+            if !EXTENSIONS.contains(&&*extension) {
+                return Err(format!(
+                    "requires the extension {extension}, which is not understood here"
+                ));
+            }
         }
+        let document = Document::from_json(json).map_err(wrong)?;
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let mut data = Self {
-            document: file.document,
+            document,
             buffers: Vec::new(),
             images: Vec::new(),
             digest: Sha256::new_with_prefix(&content),
