@@ -17,6 +17,7 @@ pub mod scene;
 pub mod sequence;
 pub mod server;
 pub mod store;
+pub mod stress;
 pub mod taa;
 pub mod verdict;
 pub mod web;

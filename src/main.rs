@@ -26,6 +26,7 @@ enum Command {
     Compare(cli::compare::Arguments),
     Check(cli::check::Arguments),
     Ci(cli::ci::Arguments),
+    Stress(cli::stress::Arguments),
     Serve(cli::serve::Arguments),
     Submit(cli::submit::Arguments),
     Regressions(cli::regressions::Arguments),
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
         Command::Bake(arguments) => cli::bake::run(&arguments),
         Command::Compare(arguments) => cli::compare::run(&arguments),
         Command::Check(arguments) => cli::check::run(&arguments),
+        Command::Stress(arguments) => cli::stress::run(&arguments),
         Command::Serve(arguments) => cli::serve::run(arguments),
         Command::Submit(arguments) => cli::submit::run(&arguments),
         Command::Ci(arguments) => match cli::ci::run(&arguments) {

@@ -18,6 +18,10 @@ use crate::{
     store::{
         Claim, DataFolder, Environment, Failure, FailureKind, Images, Outputs, Status, Store, StoreError, Timestamp,
     },
+    stress::{
+        self, Pictures, StressSpec,
+        report::{Cell, StressReport},
+    },
 };
 use std::{
     any::Any,
@@ -63,6 +67,12 @@ pub struct JobEvent {
 pub trait Runner: Send {
     /// As [`run::execute`].
     fn run(&mut self, sequence: &Path, spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError>;
+
+    /// As [`stress::execute`].
+    fn stress(&mut self, spec: &StressSpec, observer: &dyn stress::Observer) -> Result<StressReport, RunError> {
+        let _ = (spec, observer);
+        Err(RunError::Internal("this worker puts no recipe under stress".to_owned()))
+    }
 }
 
 /// Runs jobs on a GPU, which it opens anew after a failure.
@@ -85,17 +95,33 @@ impl GpuRunner {
 impl Runner for GpuRunner {
     fn run(&mut self, sequence: &Path, spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError> {
         let sequence = Sequence::open(sequence, &self.reader).map_err(|error| RunError::Input(error.to_string()))?;
+        self.on_gpu(|gpu| run::execute(spec, &sequence, gpu, observer))
+    }
+
+    fn stress(&mut self, spec: &StressSpec, observer: &dyn stress::Observer) -> Result<StressReport, RunError> {
+        self.on_gpu(|gpu| stress::execute(spec, gpu, observer))
+    }
+}
+
+impl GpuRunner {
+    fn on_gpu<T>(&mut self, work: impl FnOnce(&Gpu) -> Result<T, RunError>) -> Result<T, RunError> {
         // Taken, not borrowed: a device that failed, or that a panic left half-way through a frame, is not used again.
         let gpu = match self.gpu.take() {
             Some(gpu) => gpu,
             None => Gpu::open(self.wanted.as_deref()).map_err(|error| RunError::Device(error.to_string()))?,
         };
-        let result = run::execute(spec, &sequence, &gpu, observer);
+        let result = work(&gpu);
         if !matches!(result, Err(RunError::Device(_))) {
             self.gpu = Some(gpu);
         }
         result
     }
+}
+
+/// What a job made.
+enum Outcome {
+    Reports(Report),
+    Matrix(StressReport),
 }
 
 /// What the worker thread needs.
@@ -186,7 +212,7 @@ impl Worker {
     }
 
     /// The run itself; a panic in it is the job's failure, not the service's.
-    fn run(&self, claim: &Claim, runner: &mut dyn Runner, progress: &Progress) -> Result<Report, RunError> {
+    fn run(&self, claim: &Claim, runner: &mut dyn Runner, progress: &Progress) -> Result<Outcome, RunError> {
         self.discard_outputs(claim.job_id);
         let observer = JobObserver {
             worker: self,
@@ -194,9 +220,13 @@ impl Worker {
             progress,
         };
         let folder = self.folder.sequence(&claim.sequence_hash);
-        let run = AssertUnwindSafe(|| match &claim.spec.outputs {
-            None => runner.run(&folder, &claim.spec.run, &observer),
-            Some(outputs) => self.compare(&folder, &claim.spec.run, outputs, &observer),
+        let spec = &claim.spec;
+        let run = AssertUnwindSafe(|| match (&spec.stress, &spec.outputs) {
+            (Some(stress), _) => runner.stress(stress, &observer).map(Outcome::Matrix),
+            (None, Some(outputs)) => self
+                .compare(&folder, &spec.run, outputs, &observer)
+                .map(Outcome::Reports),
+            (None, None) => runner.run(&folder, &spec.run, &observer).map(Outcome::Reports),
         });
         catch_unwind(run).unwrap_or_else(|panic| Err(RunError::Internal(panic_message(&*panic).to_owned())))
     }
@@ -223,13 +253,17 @@ impl Worker {
     async fn end(
         &self,
         claim: &Claim,
-        outcome: Result<Report, RunError>,
+        outcome: Result<Outcome, RunError>,
         progress: &Progress,
     ) -> Result<Status, StoreError> {
         let now = Timestamp::now();
         let (kind, code) = match &outcome {
-            Ok(report) => {
+            Ok(Outcome::Reports(report)) => {
                 self.store.finish(claim, report, &self.environment(report), now).await?;
+                return Ok(Status::Done);
+            }
+            Ok(Outcome::Matrix(report)) => {
+                self.store.finish_stress(claim, report, now).await?;
                 return Ok(Status::Done);
             }
             Err(RunError::Cancelled) if progress.cancelled.load(Relaxed) => {
@@ -356,6 +390,22 @@ impl Observer for JobObserver<'_> {
 
     fn cancelled(&self) -> bool {
         self.progress.cancelled.load(Relaxed) || self.worker.shutdown.is_cancelled()
+    }
+}
+
+impl stress::Observer for JobObserver<'_> {
+    fn cell(&self, index: usize, _cell: &Cell, pictures: Option<&Pictures>, n_done: usize, n_total: usize) {
+        Observer::progress(self, n_done, n_total);
+        let Some(pictures) = pictures else { return };
+        let path = self.worker.folder.stress_picture(self.claim.job_id, index);
+        let written = path.parent().map_or(Ok(()), fs::create_dir_all);
+        if let Err(error) = written.and_then(|()| fs::write(&path, pictures.png())) {
+            tracing::warn!(job = self.claim.job_id, %error, "cannot keep the picture of a cell");
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        Observer::cancelled(self)
     }
 }
 

@@ -16,6 +16,7 @@ pub mod openapi;
 pub mod regressions;
 pub mod run;
 pub mod serve;
+pub mod stress;
 pub mod submit;
 pub mod table;
 pub mod token;
@@ -44,10 +45,13 @@ impl From<&str> for JsonTarget {
 
 impl JsonTarget {
     pub fn write(&self, value: &impl Serialize) -> anyhow::Result<()> {
-        let text = serde_json::to_string_pretty(value)? + "\n";
+        self.write_text(&(serde_json::to_string_pretty(value)? + "\n"))
+    }
+
+    pub fn write_text(&self, text: &str) -> anyhow::Result<()> {
         match self {
-            Self::Stdout => print(&text),
-            Self::File(path) => fs::write(path, text).with_context(|| format!("--json {}", path.display()))?,
+            Self::Stdout => print(text),
+            Self::File(path) => fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?,
         }
         Ok(())
     }

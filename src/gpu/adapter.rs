@@ -1,6 +1,6 @@
 //! Finding an adapter by name or index, and opening its device.
 
-use super::GpuError;
+use super::{GpuError, pass::Variant};
 use crate::run::report::AdapterInfo;
 use std::sync::Arc;
 
@@ -12,6 +12,7 @@ pub struct Gpu {
     /// Takes commands.
     pub queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
+    pub(super) variant: Variant,
 }
 
 /// What to do where there is no adapter at all.
@@ -63,7 +64,12 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|error| unsupported(error.to_string()))?;
-        Ok(Self { device, queue, info })
+        Ok(Self {
+            device,
+            queue,
+            info,
+            variant: Variant::default(),
+        })
     }
 
     /// Name, kind and driver, as reports carry them.
@@ -92,9 +98,25 @@ impl Gpu {
         limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
     }
 
+    /// How its passes are compiled.
+    pub fn variant(&self) -> &Variant {
+        &self.variant
+    }
+
+    /// The same device, whose passes are compiled as `variant` says.
+    pub fn with(&self, variant: Variant) -> Self {
+        Self {
+            device: self.device.clone(),
+            queue: self.queue.clone(),
+            info: self.info.clone(),
+            variant,
+        }
+    }
+
     /// The workgroup of passes that leave it open. On a CPU a row: its lanes then read neighbouring texels.
     pub(super) fn workgroup(&self) -> [u32; 2] {
-        if self.is_cpu() { [64, 1] } else { [8, 8] }
+        let usual = if self.is_cpu() { [64, 1] } else { [8, 8] };
+        self.variant.workgroup.unwrap_or(usual)
     }
 
     /// Runs `work` and turns what wgpu reports meanwhile into an error that says what was being done.

@@ -10,9 +10,9 @@ mod texture;
 mod timer;
 
 pub use adapter::{Gpu, NO_DRIVER, adapters};
-pub use pass::{Bound, Dispatch, Invocation, Pass};
+pub use pass::{Bound, Dispatch, Invocation, Kept, Pass, Variant};
 pub use raster::{DepthTest, Raster, RasterBound, RasterSpec};
-pub use readback::{Readback, ReadbackPool};
+pub use readback::{Floats, Readback, ReadbackPool};
 pub use reflection::{Access, UniformValue};
 pub use texture::{Layer, Texture};
 pub use timer::{Timer, Times};

@@ -10,18 +10,33 @@ use super::{
     reflection::{Access, Binding, Reflection, UniformValue},
 };
 use crate::image::Extent;
-use std::collections::BTreeMap;
+use std::{
+    collections::{BTreeMap, HashMap},
+    sync::{Arc, Mutex, PoisonError},
+};
 
 /// A compiled compute shader and what it binds.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Pass {
     label: String,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     /// By WGSL name; only what the entry point uses.
-    bindings: BTreeMap<String, Binding>,
+    bindings: Arc<BTreeMap<String, Binding>>,
     workgroup: [u32; 2],
 }
+
+/// How the passes of a device are compiled, where not as usual.
+#[derive(Debug, Default)]
+pub struct Variant {
+    /// The workgroup of passes that leave it open.
+    pub workgroup: Option<[u32; 2]>,
+    /// Every pass compiled, for whoever compiles the same ones again and again. It only grows.
+    pub cache: Option<PassCache>,
+}
+
+/// Compiled passes, by their text, overrides and workgroup.
+pub type PassCache = Mutex<HashMap<String, Pass>>;
 
 /// A resource that a name can be bound to.
 #[derive(Clone, Copy, Debug)]
@@ -49,12 +64,26 @@ impl Pass {
     /// first (its errors then carry its own line numbers) and shared files follow. `overrides` are set by name; those
     /// named `WORKGROUP_X` and `WORKGROUP_Y` are set here.
     pub fn new(gpu: &Gpu, label: &str, sources: &[&str], overrides: &[(&str, f64)]) -> Result<Self, GpuError> {
+        let source = sources.join("\n");
+        let Some(cache) = &gpu.variant().cache else {
+            return Self::compile(gpu, label, &source, overrides);
+        };
+        let key = format!("{overrides:?} {:?} {source}", gpu.workgroup());
+        let known = || cache.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pass) = known().get(&key) {
+            return Ok(pass.clone());
+        }
+        let pass = Self::compile(gpu, label, &source, overrides)?;
+        known().insert(key, pass.clone());
+        Ok(pass)
+    }
+
+    fn compile(gpu: &Gpu, label: &str, source: &str, overrides: &[(&str, f64)]) -> Result<Self, GpuError> {
         let error = |message: String| GpuError::Pass {
             pass: label.to_owned(),
             message,
         };
-        let source = sources.join("\n");
-        let reflected = Reflection::new(&source, &["main"]).map_err(error)?;
+        let reflected = Reflection::new(source, &["main"]).map_err(error)?;
         let mut constants = overrides.to_vec();
         let mut workgroup = reflected.workgroup.unwrap_or([1, 1]);
         if reflected.overrides.contains("WORKGROUP_X") {
@@ -95,7 +124,7 @@ impl Pass {
             label: label.to_owned(),
             layout: pipeline.get_bind_group_layout(0),
             pipeline,
-            bindings: reflected.bindings,
+            bindings: Arc::new(reflected.bindings),
             workgroup,
         })
     }
@@ -188,7 +217,7 @@ impl<'a> Invocation<'a> {
                 },
             });
         }
-        for (name, binding) in &pass.bindings {
+        for (name, binding) in pass.bindings.iter() {
             match entries.iter().filter(|entry| entry.binding == binding.index).count() {
                 1 => {}
                 0 => return Err(pass.error(format!("`{name}` is not bound"))),
@@ -216,6 +245,28 @@ impl<'a> Invocation<'a> {
     }
 }
 
+/// A pass with everything bound, to be recorded any number of times whatever becomes of what it was made from.
+#[derive(Clone, Debug)]
+pub struct Kept {
+    label: String,
+    pipeline: wgpu::ComputePipeline,
+    bind_group: wgpu::BindGroup,
+    workgroups: [u32; 2],
+}
+
+impl Kept {
+    /// Records the pass, untimed.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(&self.label),
+            timestamp_writes: None,
+        });
+        compute.set_pipeline(&self.pipeline);
+        compute.set_bind_group(0, &self.bind_group, &[]);
+        compute.dispatch_workgroups(self.workgroups[0], self.workgroups[1], 1);
+    }
+}
+
 /// A pass with everything bound.
 #[derive(Debug)]
 pub struct Dispatch<'a> {
@@ -226,6 +277,16 @@ pub struct Dispatch<'a> {
 }
 
 impl<'a> Dispatch<'a> {
+    /// The same, to be kept.
+    pub fn keep(&self) -> Kept {
+        Kept {
+            label: self.pass.label.clone(),
+            pipeline: self.pass.pipeline.clone(),
+            bind_group: self.bind_group.clone(),
+            workgroups: self.workgroups,
+        }
+    }
+
     /// The label of its pass.
     pub fn label(&self) -> &'a str {
         &self.pass.label

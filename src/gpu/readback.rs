@@ -1,7 +1,7 @@
 //! Results on their way back to the host. Buffers are mapped while the device goes on with the next frame, read on any
 //! thread, and reused: fresh ones would cost a page fault every 4 KiB.
 
-use super::{Gpu, GpuError, Texture};
+use super::{Bound, Gpu, GpuError, Texture};
 use crate::image::Image;
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -49,10 +49,55 @@ fn padded_row_bytes(width: u32, texel_bytes: u32) -> u32 {
     (width * texel_bytes).next_multiple_of(ROW_ALIGNMENT)
 }
 
+/// Where to read the floats of a texture or buffer, and how they lie there.
+#[derive(Clone, Copy, Debug)]
+pub struct Floats {
+    slot: usize,
+    is_f16: bool,
+    /// Of one row, with and without what pads it; of a buffer, all.
+    row_bytes: [usize; 2],
+}
+
 /// Bytes of an `rgba32float` texel.
 const RGBA_SIZE: u32 = 16;
 
 impl Readback {
+    /// Records the copy of a texture, or buffer, of floats.
+    pub fn copy_floats(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, source: Bound<'_>) -> Floats {
+        match source {
+            Bound::Texture(texture) => {
+                let (width, texel_bytes) = (texture.extent().width, texture.texel_bytes());
+                Floats {
+                    slot: self.copy_texture(gpu, encoder, texture),
+                    is_f16: texture.format() == wgpu::TextureFormat::Rgba16Float,
+                    row_bytes: [padded_row_bytes(width, texel_bytes), width * texel_bytes].map(|n| n as usize),
+                }
+            }
+            Bound::Buffer(buffer) => Floats {
+                slot: self.copy_buffer(gpu, encoder, buffer, buffer.size()),
+                is_f16: false,
+                row_bytes: [buffer.size() as usize; 2],
+            },
+        }
+    }
+
+    /// The floats of a copy, row by row, channels side by side.
+    pub fn values(&self, at: Floats) -> Result<Vec<f32>, GpuError> {
+        let bytes = self.bytes(at.slot)?;
+        let [padded, used] = at.row_bytes;
+        let rows = bytes.chunks_exact(padded).map(|row| &row[..used]);
+        Ok(match at.is_f16 {
+            true => rows
+                .flat_map(|row| row.chunks_exact(2))
+                .map(|two| half::f16::from_le_bytes([two[0], two[1]]).to_f32())
+                .collect(),
+            false => rows
+                .flat_map(|row| row.chunks_exact(4))
+                .map(bytemuck::pod_read_unaligned)
+                .collect(),
+        })
+    }
+
     /// Records the copy of a texture's first level; returns the slot to read it from.
     ///
     /// # Panics

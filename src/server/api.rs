@@ -361,6 +361,10 @@ fn path_parameter(name: &str) -> Value {
             "`output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`.",
             json!({"type": "string", "pattern": "^[a-z0-9_.]+\\.(png|exr)$"}),
         ),
+        "picture" => (
+            "A cell's index in the matrix, from 0, with `.png`.",
+            json!({"type": "string", "pattern": "^[0-9]{1,9}\\.png$"}),
+        ),
         "frame" => (
             "Frame index, from 0.",
             json!({"type": "integer", "format": "int64", "minimum": 0}),

@@ -150,16 +150,22 @@ pub struct JobWithReports {
     reports: Vec<Report>,
 }
 
-/// Queues a job: 202 and where to watch it.
-pub async fn post(
-    State(service): Shared,
-    ApiJson(mut request): ApiJson<JobRequest>,
-) -> Result<impl IntoResponse, ApiError> {
+/// Refuses a job where too many wait.
+pub async fn check_room(service: &Service) -> Result<(), ApiError> {
     let n_queued = service.store.n_queued().await?;
     if n_queued >= service.config.max_queued_jobs {
         let detail = format!("{n_queued} jobs are waiting already (--max-queued-jobs)");
         return Err(ApiError::busy(detail, Duration::from_secs(30)));
     }
+    Ok(())
+}
+
+/// Queues a job: 202 and where to watch it.
+pub async fn post(
+    State(service): Shared,
+    ApiJson(mut request): ApiJson<JobRequest>,
+) -> Result<impl IntoResponse, ApiError> {
+    check_room(&service).await?;
     let origin = request.take_origin();
     let sequence = sequences::find(&service, &request.sequence).await;
     let sequence = sequence.map_err(|error| match error.status() {
@@ -212,11 +218,12 @@ async fn validated(
     .await
     .map_err(ApiError::internal)??;
     Ok(NewJob {
-        sequence_id: stored.id,
+        sequence_id: Some(stored.id),
         spec: JobSpec {
             run,
             images: request.images,
             outputs,
+            stress: None,
         },
         project,
         provenance,

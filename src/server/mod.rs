@@ -23,6 +23,7 @@ mod reports;
 mod results;
 mod routes;
 mod sequences;
+pub(crate) mod stress;
 mod tidying;
 mod upload;
 mod webhooks;
@@ -281,7 +282,7 @@ impl Running {
 /// Every route, which scope each needs, and the OpenAPI document.
 fn api() -> (Router<Arc<Service>>, Scopes, Value) {
     let api = routes::results(routes::sequences(routes::catalog(Api::new())));
-    let api = routes::admin(routes::verdicts(api));
+    let api = routes::admin(routes::verdicts(routes::stability(api)));
     api.finish()
 }
 

@@ -2,12 +2,12 @@
 //! are.
 
 use super::{
-    admin, alerts, api::Api, blobs, catalog, events, frames, jobs, judging, reports, results, sequences, upload,
+    admin, alerts, api::Api, blobs, catalog, events, frames, jobs, judging, reports, results, sequences, stress, upload,
 };
 use crate::{
     metrics::Listing,
     run::report::AdapterInfo,
-    store::{Alert, Decision, Report, Scope, Sequence, Series},
+    store::{Alert, Decision, Job, Report, Scope, Sequence, Series},
     taa::{Preset, validation::Validation},
 };
 use axum::Json;
@@ -255,6 +255,49 @@ pub fn sequences(api: Api) -> Api {
             )
             .empty(204, "The end was heard already")
         },
+    )
+}
+
+/// Numerical stability.
+pub fn stability(api: Api) -> Api {
+    let (read, submit) = (Scope::Read, Scope::Submit);
+    api.route(
+        "GET /stress",
+        read,
+        ["listMatrices", "stress", "Matrices of stress runs, without their cells"],
+        stress::list,
+        |o, s| {
+            o.query::<stress::StressQuery>()
+                .answer::<stress::StressPage>(s, 200, "Newest first")
+        },
+    )
+    .route(
+        "POST /stress",
+        submit,
+        ["createMatrix", "stress", "Queue a matrix of hazards and recipes"],
+        stress::post,
+        |o, s| {
+            o.body::<stress::StressRequest>(s)
+                .answer::<Job>(s, 202, "Queued; `location` says where to watch it")
+        },
+    )
+    .route(
+        "GET /stress/{job}",
+        read,
+        ["getMatrix", "stress", "A job's matrix with its cells"],
+        stress::get,
+        |o, s| o.answer::<stress::Matrix>(s, 200, "Once the job is done"),
+    )
+    .route(
+        "GET /stress/{job}/cells/{picture}",
+        read,
+        [
+            "getCellImage",
+            "images",
+            "A cell's worst frame: adapter, twin, and their difference",
+        ],
+        stress::picture,
+        |o, _| o.media(200, "Of cells that ran", &IMAGE_TYPES[..1]),
     )
 }
 

@@ -110,6 +110,11 @@ impl DataFolder {
         folder.join(format!("{frame_index:04}.exr"))
     }
 
+    /// The picture of a cell of a stress run.
+    pub fn stress_picture(&self, job_id: i64, cell_index: usize) -> PathBuf {
+        self.job(job_id).join(format!("cell_{cell_index}.png"))
+    }
+
     /// Moves a finished folder of the spool into place; an equal one that is there already stays.
     pub fn adopt_sequence(&self, finished: &Path, hash: &str) -> io::Result<()> {
         let place = self.sequence(hash);

@@ -1,7 +1,11 @@
 //! Jobs as their submitters see them: what was asked for, where it stands, how it ended.
 
 use super::{Environment, Provenance, Store, StoreError, Timestamp};
-use crate::run::RunSpec;
+use crate::{
+    run::{MetricsOn, RunSpec, Validate},
+    stress::StressSpec,
+    taa::Precision,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
@@ -55,6 +59,29 @@ pub struct JobSpec {
     /// Images rendered elsewhere, to be compared instead of running presets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outputs: Option<Outputs>,
+    /// Instead of running anything on a sequence, the matrix to try recipes with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stress: Option<StressSpec>,
+}
+
+impl JobSpec {
+    /// A stress run, which needs no sequence.
+    pub fn stress(spec: StressSpec) -> Self {
+        Self {
+            run: RunSpec {
+                presets: spec.presets.clone(),
+                metrics: Vec::new(),
+                history: Precision::default(),
+                n_frames: None,
+                repeat: 1,
+                metrics_on: MetricsOn::Auto,
+                validate: Validate::No,
+            },
+            images: Images::None,
+            outputs: None,
+            stress: Some(spec),
+        }
+    }
 }
 
 /// Images of a system elsewhere.
@@ -73,8 +100,8 @@ pub struct Outputs {
 /// A validated job to be queued.
 #[derive(Clone, Debug)]
 pub struct NewJob {
-    /// Row id of its sequence.
-    pub sequence_id: i64,
+    /// Row id of its sequence; none for a stress run.
+    pub sequence_id: Option<i64>,
     /// What to run.
     pub spec: JobSpec,
     /// Project by name.
@@ -114,9 +141,11 @@ pub struct Job {
     pub id: i64,
     /// Where it stands.
     pub status: Status,
-    /// Content hash of its sequence.
+    /// Content hash of its sequence; empty for a stress run, which makes its own frames.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub sequence_hash: String,
-    /// Name of its sequence.
+    /// Name of its sequence; empty for a stress run.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub sequence_name: String,
     /// What to run.
     pub spec: JobSpec,
@@ -212,8 +241,8 @@ pub struct JobFilter {
 macro_rules! select_jobs {
     ($rest:literal) => {
         concat!(
-            "SELECT jobs.*, sequences.hash AS sequence_hash, sequences.name AS sequence_name
-             FROM jobs JOIN sequences ON sequences.id = jobs.sequence_id ",
+            "SELECT jobs.*, coalesce(sequences.hash, '') AS sequence_hash, coalesce(sequences.name, '') AS sequence_name
+             FROM jobs LEFT JOIN sequences ON sequences.id = jobs.sequence_id ",
             $rest
         )
     };

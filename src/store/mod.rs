@@ -17,6 +17,7 @@ mod projects;
 mod queue;
 mod reading;
 mod sequences;
+mod stress;
 mod time;
 mod tokens;
 mod trend;
@@ -37,6 +38,7 @@ pub use projects::Branch;
 pub use queue::{Claim, MAX_ATTEMPTS};
 pub use reading::{Report, ReportFilter, Series, SeriesFilter};
 pub use sequences::{NewSequence, Sequence};
+pub use stress::StressRun;
 pub use time::Timestamp;
 pub use tokens::{NewToken, Scope, Token, random_secret, token_hash};
 pub use trend::{BranchPath, Point, TrendFilter, TrendPoint, downsample};
@@ -78,6 +80,9 @@ pub enum StoreError {
     /// The job was cancelled, or taken over after its lease ran out; nothing was written.
     #[error("job {0} is no longer this worker's")]
     ClaimLost(i64),
+    /// Reports of a job that has no sequence: a worker took a stress run for another job.
+    #[error("job {0} has no sequence, so it can have no reports")]
+    NoSequence(i64),
     /// Frames for a report that is not there.
     #[error("there is no report {0}")]
     NoReport(i64),

@@ -13,7 +13,7 @@ pub const MAX_ATTEMPTS: i64 = 3;
 pub struct Claim {
     /// The job.
     pub job_id: i64,
-    /// Content hash of its sequence.
+    /// Content hash of its sequence; empty for a stress run.
     pub sequence_hash: String,
     /// What to run.
     pub spec: JobSpec,
@@ -21,7 +21,8 @@ pub struct Claim {
     pub attempt: i64,
     pub(super) project: String,
     pub(super) provenance: Provenance,
-    pub(super) sequence_id: i64,
+    /// None for a stress run.
+    pub(super) sequence_id: Option<i64>,
     pub(super) lease: i64,
 }
 
@@ -55,7 +56,7 @@ impl Store {
             "UPDATE jobs SET status = 'running', attempts = attempts + 1, lease = lease + 1, lease_until = ?1,
                              started_at = coalesce(started_at, ?2), n_done = 0
              WHERE id = (SELECT id FROM jobs WHERE status = 'queued' ORDER BY id LIMIT 1)
-             RETURNING id, sequence_id, (SELECT hash FROM sequences WHERE id = sequence_id) AS hash, spec, attempts,
+             RETURNING id, sequence_id, coalesce((SELECT hash FROM sequences WHERE id = sequence_id), '') AS hash, spec, attempts,
                        lease, project, provenance",
         )
         .bind(now + lease)

@@ -488,10 +488,11 @@ fn of_job(claim: &Claim, report: &Report, index: usize, environment: &Environmen
         None => (SystemKind::Recipe, Some(claim.spec.run.history)),
         Some(_) => (SystemKind::External, None),
     };
+    let sequence_id = claim.sequence_id.ok_or(StoreError::NoSequence(claim.job_id))?;
     Ok(NewReport {
         job: Some((claim.job_id, index)),
         project: claim.project.clone(),
-        subject: Subject::Sequence(claim.sequence_id),
+        subject: Subject::Sequence(sequence_id),
         system: System {
             kind,
             name: preset.preset.clone(),

@@ -2,7 +2,7 @@
 
 use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder};
 use crate::{
-    gpu::{GpuError, Pass, Texture},
+    gpu::{Bound, GpuError, Pass, Texture},
     image::Extent,
 };
 use wgpu::TextureFormat;
@@ -41,5 +41,10 @@ impl Checkerboard {
             .bind("shown", shown)
             .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&resolve)
+    }
+
+    /// What it leaves to the next frame.
+    pub fn kept(&self) -> Vec<(&'static str, Bound<'_>)> {
+        vec![("history", self.history.current().into())]
     }
 }

@@ -5,7 +5,7 @@ use super::{
     Carried, Fault, Preparation, Recipe, Source,
     fault::planted,
     merge::Merge,
-    recipe::InputFilter,
+    recipe::{Guards, InputFilter},
     recorder::{Recorder, Repeat},
 };
 use crate::{
@@ -314,6 +314,7 @@ impl Prepared {
         let overrides = [
             ("domain", f64::from(key.domain as u32)),
             ("with_albedo", f64::from(u8::from(key.albedo && channels.albedo))),
+            ("guards", f64::from(u8::from(key.guards == Guards::On))),
         ];
         let sources = planted(fault, "prepare", &PREPARE)?;
         let sources: Vec<_> = sources.iter().map(|source| &**source).collect();

@@ -25,12 +25,12 @@ pub use fault::Fault;
 pub use inputs::Inputs;
 pub use preset::{PRESETS, Preset, UnknownPreset};
 pub use recipe::{Recipe, RecipeError, SizesError};
-pub use recorder::{Recorder, Repeat, Watch};
+pub use recorder::{Recorder, Repeat, Step, Watch};
 pub use resolver::Resolver;
 
 use crate::sequence::Channels;
 use carried::Carried;
-use recipe::{Algorithm, Dilation, Domain, HistoryFilter, Neighbourhood, Weight};
+use recipe::{Algorithm, Dilation, Domain, Guards, HistoryFilter, Neighbourhood, Weight};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +43,16 @@ pub enum Precision {
     F16,
     /// 32-bit float.
     F32,
+}
+
+impl Precision {
+    /// Its name in JSON.
+    pub const fn id(self) -> &'static str {
+        match self {
+            Self::F16 => "f16",
+            Self::F32 => "f32",
+        }
+    }
 }
 
 /// Which colour a recipe resolves.
@@ -64,6 +74,8 @@ pub struct Preparation {
     pub domain: Domain,
     /// With the albedo, where the sequence has one.
     pub albedo: bool,
+    /// Hostile texels repaired, or left as they are.
+    pub guards: Guards,
 }
 
 impl Recipe {
@@ -73,6 +85,7 @@ impl Recipe {
             source: self.source,
             domain: self.domain,
             albedo: self.optional_channels().albedo,
+            guards: self.guards,
         }
     }
 
@@ -115,7 +128,7 @@ impl Recipe {
     }
 
     /// How its history is stored where the job asks for `precision`.
-    fn precision(&self, precision: Precision) -> Precision {
+    pub fn precision(&self, precision: Precision) -> Precision {
         if self.history_always_f32 {
             Precision::F32
         } else {

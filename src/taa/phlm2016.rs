@@ -1,7 +1,7 @@
 //! Pixel history linear models (`shaders/taa/phlm2016`): the fit of every pixel, and what it is carried in.
 
 use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder};
-use crate::gpu::{Gpu, GpuError, Pass, Texture};
+use crate::gpu::{Bound, Gpu, GpuError, Pass, Texture};
 use wgpu::{BufferUsages, TextureFormat};
 
 const STILL: &str = include_str!("../../shaders/taa/phlm2016/still.wgsl");
@@ -77,6 +77,16 @@ impl Phlm {
             .bind("shown", shown)
             .over(recorder.gpu, view.sizes().render)?;
         recorder.record(&model)
+    }
+
+    /// What it leaves to the next frame.
+    pub fn kept(&self) -> Vec<(&'static str, Bound<'_>)> {
+        vec![
+            ("feature", self.feature.current().into()),
+            ("coefficients", self.coefficients.current().into()),
+            ("covariances", self.covariances.current().into()),
+            ("mean", self.mean.current().into()),
+        ]
     }
 }
 

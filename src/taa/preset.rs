@@ -3,8 +3,8 @@
 use super::{
     Source,
     recipe::{
-        Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify, Sharpen,
-        Space, Spatial, Weight,
+        Algorithm, Dilation, Domain, Guards, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Recipe, Rectify,
+        Sharpen, Space, Spatial, Weight,
     },
 };
 use crate::sequence::jitter::JitterSequence;
@@ -74,6 +74,7 @@ pub(super) const BASE: Recipe = Recipe {
     sharpen: Sharpen::None,
     sharpen_strength: 1.0,
     motion_blur: false,
+    guards: Guards::On,
 };
 
 /// What several systems vary.

@@ -8,7 +8,7 @@ mod parameters;
 mod rules;
 
 pub use blocks::{
-    Algorithm, Dilation, Domain, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space,
+    Algorithm, Dilation, Domain, Guards, HdrWeight, HistoryFilter, InputFilter, Neighbourhood, Rectify, Sharpen, Space,
     Spatial, Weight,
 };
 
@@ -108,6 +108,8 @@ pub struct Recipe {
     pub sharpen_strength: f64,
     /// Show fast pixels blurred along their motion instead of resolved.
     pub motion_blur: bool,
+    /// What keeps values finite and bounded; `off` shows what the literal formulas do.
+    pub guards: Guards,
 }
 
 /// A parameter that is unknown, of another type or out of range.
@@ -167,6 +169,11 @@ impl Recipe {
         }
         let in_range = sizes.scale().iter().all(|scale| (1.0..=4.0).contains(scale));
         in_range.then_some(()).ok_or(SizesError::Scale(sizes))
+    }
+
+    /// Whether what keeps values finite and bounded is on.
+    pub(super) fn has_guards(&self) -> bool {
+        self.guards == Guards::On
     }
 
     /// The parameters by name, as reports carry them.
@@ -242,6 +249,7 @@ impl Recipe {
             ("sharpen", number(self.sharpen as u32)),
             ("sharpen_strength", self.sharpen_strength),
             ("motion_blur", flag(self.motion_blur)),
+            ("guards", flag(self.has_guards())),
         ]
     }
 }

@@ -1,6 +1,6 @@
 //! Where a recipe's passes are recorded.
 
-use crate::gpu::{Dispatch, Gpu, GpuError, Timer};
+use crate::gpu::{Dispatch, Gpu, GpuError, Kept, Timer};
 
 /// How often the passes of a submission run.
 #[derive(Clone, Copy, Debug)]
@@ -13,13 +13,49 @@ pub enum Repeat {
 
 /// Sees every pass as soon as it is recorded, before the next one is.
 pub trait Watch: std::fmt::Debug {
-    /// `encoder` holds what was recorded since it last was submitted; the watch may submit it and leave another.
+    /// `encoder` holds what was recorded since it last was submitted; the watch may submit it and leave another. `cleared` is
+    /// the buffer that was cleared before the pass.
     fn recorded(
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
+        cleared: Option<&wgpu::Buffer>,
     ) -> Result<(), GpuError>;
+}
+
+/// A pass of a frame, kept to be recorded whenever one like it comes again.
+#[derive(Clone, Debug)]
+pub struct Step {
+    pass: Kept,
+    cleared: Option<wgpu::Buffer>,
+}
+
+impl Step {
+    /// Records it, untimed.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
+        if let Some(buffer) = &self.cleared {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+        self.pass.record(encoder);
+    }
+}
+
+/// Keeps what is recorded.
+impl Watch for Vec<Step> {
+    fn recorded(
+        &mut self,
+        _gpu: &Gpu,
+        _encoder: &mut wgpu::CommandEncoder,
+        dispatch: &Dispatch<'_>,
+        cleared: Option<&wgpu::Buffer>,
+    ) -> Result<(), GpuError> {
+        self.push(Step {
+            pass: dispatch.keep(),
+            cleared: cleared.cloned(),
+        });
+        Ok(())
+    }
 }
 
 /// Records passes into one submission.
@@ -40,30 +76,28 @@ pub struct Recorder<'a> {
 impl Recorder<'_> {
     /// Records a pass.
     pub fn record(&mut self, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
-        self.record_after(dispatch, |_| ())
+        self.record_after(dispatch, None)
     }
 
     /// Records a pass that adds to `sum`, which is cleared before each time.
     pub fn record_from_zero(&mut self, dispatch: &Dispatch<'_>, sum: &wgpu::Buffer) -> Result<(), GpuError> {
-        self.record_after(dispatch, |encoder| encoder.clear_buffer(sum, 0, None))
+        self.record_after(dispatch, Some(sum))
     }
 
-    fn record_after(
-        &mut self,
-        dispatch: &Dispatch<'_>,
-        before: impl Fn(&mut wgpu::CommandEncoder),
-    ) -> Result<(), GpuError> {
+    fn record_after(&mut self, dispatch: &Dispatch<'_>, cleared: Option<&wgpu::Buffer>) -> Result<(), GpuError> {
         match self.repeat {
             Repeat::WarmUp => dispatch.record_corner(self.encoder),
             Repeat::Timed(n) => {
                 for _ in 0..n {
-                    before(self.encoder);
+                    if let Some(buffer) = cleared {
+                        self.encoder.clear_buffer(buffer, 0, None);
+                    }
                     dispatch.record(self.encoder, self.timer.time());
                 }
             }
         }
         match &mut self.watch {
-            Some(watch) => watch.recorded(self.gpu, self.encoder, dispatch),
+            Some(watch) => watch.recorded(self.gpu, self.encoder, dispatch, cleared),
             None => Ok(()),
         }
     }

@@ -5,12 +5,12 @@ use super::{
     checkerboard::Checkerboard,
     phlm2016::Phlm,
     recipe::Algorithm,
-    recorder::{Recorder, Repeat},
+    recorder::{Recorder, Repeat, Step},
     spatial::Antialiasing,
     temporal::{Builder, Temporal},
 };
 use crate::{
-    gpu::{Gpu, GpuError, Texture, Timer},
+    gpu::{Bound, Gpu, GpuError, Texture, Timer},
     sequence::Sizes,
 };
 use wgpu::TextureFormat;
@@ -109,6 +109,34 @@ impl Resolver {
             Passes::Temporal(temporal) => temporal.record(recorder, view, &self.shown),
             Passes::Phlm2016(phlm) => phlm.record(recorder, view, &self.shown),
             Passes::Checkerboard(checkerboard) => checkerboard.record(recorder, view, &self.shown),
+        }
+    }
+
+    /// The same passes, to be recorded whenever a frame like the one in `inputs` follows one like that before it. Call it
+    /// once a frame of an even number of frames that repeat: the history written by the last is the one that the first reads.
+    pub fn steps(&mut self, gpu: &Gpu, inputs: &Inputs) -> Result<Vec<Step>, GpuError> {
+        let mut steps: Vec<Step> = Vec::new();
+        // Recorded for the sake of who watches, and never submitted.
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        self.record(
+            &mut Recorder {
+                gpu,
+                encoder: &mut encoder,
+                timer: &mut Timer::new(gpu, 0),
+                repeat: Repeat::Timed(1),
+                watch: Some(&mut steps),
+            },
+            inputs,
+        )?;
+        Ok(steps)
+    }
+
+    /// Everything that the last frame leaves to the next, by name. The first is the colour's history, or what stands for it.
+    pub fn kept(&self) -> Vec<(&'static str, Bound<'_>)> {
+        match &self.passes {
+            Passes::Temporal(temporal) => temporal.kept(),
+            Passes::Phlm2016(phlm) => phlm.kept(),
+            Passes::Checkerboard(checkerboard) => checkerboard.kept(),
         }
     }
 

@@ -52,6 +52,11 @@ impl Edges {
         recorder.record(&stabilise)
     }
 
+    /// What the edges leave to the next frame.
+    pub fn kept(&self) -> &Texture {
+        self.history.current()
+    }
+
     /// How strong the edge through each pixel is, 0 to 1.
     pub fn stable(&self) -> &Texture {
         &self.stable

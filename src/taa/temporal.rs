@@ -10,7 +10,7 @@ use super::{
     sobel2018::Edges,
 };
 use crate::{
-    gpu::{Gpu, GpuError, Pass, Texture},
+    gpu::{Bound, Gpu, GpuError, Pass, Texture},
     image::Extent,
     sequence::Sizes,
 };
@@ -197,6 +197,18 @@ impl Temporal {
             recorder.record(&sharpen)?;
         }
         Ok(())
+    }
+
+    /// What it leaves to the next frame.
+    pub fn kept(&self) -> Vec<(&'static str, Bound<'_>)> {
+        let mut kept: Vec<(&'static str, Bound<'_>)> = vec![
+            ("history", self.history.current().into()),
+            ("samples", self.n_samples.current().into()),
+        ];
+        if let Some(edges) = &self.edges {
+            kept.push(("edge history", edges.kept().into()));
+        }
+        kept
     }
 }
 

@@ -131,7 +131,7 @@ fn heading(job: &Job) -> Markup {
         h1 { "Job " (job.id) @if let Some(label) = &job.provenance.label { span.muted { " · " (label) } } }
         ul.facts {
             li { (parts::status(job)) }
-            li { span.key { "sequence " } a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
+            li { span.key { "sequence " } (parts::subject(job)) }
             @if let Some(branch) = &job.provenance.branch { li { span.key { "branch " } (branch) } }
             @if let Some(commit) = &job.provenance.commit { li { span.key { "commit " } (format::short_hash(commit)) } }
             li { span.key { "queued " } (format::age(job.created_at, now)) }

@@ -15,6 +15,7 @@ pub enum Section {
     Reports,
     Trends,
     Jobs,
+    Stress,
     Alerts,
     Api,
 }
@@ -65,6 +66,7 @@ impl Page<'_> {
                                 (Section::Reports, "/", "Reports"),
                                 (Section::Trends, "/trends", "Trends"),
                                 (Section::Jobs, "/jobs", "Jobs"),
+                                (Section::Stress, "/stress", "Stability"),
                                 (Section::Alerts, "/alerts", "Alerts"),
                                 (Section::Api, "/api", "API"),
                             ] {

@@ -12,6 +12,7 @@ mod parts;
 mod reference;
 mod report;
 mod sequence;
+mod stress;
 mod trends;
 
 use crate::server::Service;
@@ -29,6 +30,8 @@ pub fn routes() -> Router<Arc<Service>> {
         .route("/jobs", get(jobs::page))
         .route("/jobs/{job}", get(job::page))
         .route("/sequences/{sequence}", get(sequence::page))
+        .route("/stress", get(stress::page))
+        .route("/stress/{job}/cells/{index}", get(stress::cell))
         .route("/assets/{version}/{file}", get(assets::serve))
         .fallback(layout::unknown_page)
 }

@@ -66,6 +66,14 @@ pub fn place(branch: Option<&str>, commit: Option<&str>) -> Markup {
     }
 }
 
+/// What a job is about: its sequence, or the stress that it puts recipes under.
+pub fn subject(job: &Job) -> Markup {
+    html! {
+        @if job.spec.stress.is_some() { a href={ "/stress?job=" (job.id) } { "stress" } }
+        @else { a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
+    }
+}
+
 /// Jobs, a row each.
 pub fn job_table(jobs: &[Job], now: Timestamp) -> Markup {
     html! {
@@ -80,7 +88,7 @@ pub fn job_table(jobs: &[Job], now: Timestamp) -> Markup {
                     td { (status(job)) @if job.status == Status::Running && job.n_total > 0 {
                         " " span.muted { (job.n_done * 100 / job.n_total) " %" }
                     } }
-                    td { a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
+                    td { (subject(job)) }
                     td.wide.fill { (job.spec.run.presets.iter().map(|spec| spec.preset.as_str()).collect::<Vec<_>>().join(", ")) }
                     td.wide { (job.provenance.label.as_deref().unwrap_or_default()) }
                     td.wide { (revision(&job.provenance)) }

@@ -30,7 +30,13 @@ struct Count(Vec<Traffic>);
 const EXTENT: Extent = Extent::new(64, 48);
 
 impl Watch for Count {
-    fn recorded(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
+    fn recorded(
+        &mut self,
+        _: &Gpu,
+        _: &mut wgpu::CommandEncoder,
+        dispatch: &Dispatch<'_>,
+        _: Option<&wgpu::Buffer>,
+    ) -> Result<(), GpuError> {
         let size = |bound: Bound<'_>| match bound {
             Bound::Texture(texture) => f64::from(texture.texel_bytes()) * texture.extent().n_pixels() as f64,
             Bound::Buffer(buffer) => buffer.size() as f64,

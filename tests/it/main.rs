@@ -28,6 +28,8 @@ mod several;
 mod shaders;
 mod spatial;
 mod store;
+mod stress;
+mod stress_sketches;
 mod support;
 mod temporal;
 mod tidy;

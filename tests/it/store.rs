@@ -55,7 +55,7 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
         parameters: serde_json::Map::new(),
     };
     NewJob {
-        sequence_id,
+        sequence_id: Some(sequence_id),
         spec: JobSpec {
             run: RunSpec {
                 presets: presets.iter().map(preset).collect(),
@@ -68,6 +68,7 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
             },
             images: Images::Half,
             outputs: None,
+            stress: None,
         },
         project: DEFAULT_PROJECT.to_owned(),
         provenance: Provenance {

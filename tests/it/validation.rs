@@ -152,8 +152,8 @@ fn faults() -> Vec<Planted> {
         planted(
             plain("inside"),
             "resolve",
-            "min(resolved, vec3f",
-            &format!("min({late} * resolved, vec3f"),
+            "saturated(resolved)",
+            &format!("saturated({late} * resolved)"),
             5,
         ),
         planted(
@@ -320,7 +320,13 @@ struct Covered<'a> {
 }
 
 impl Watch for Covered<'_> {
-    fn recorded(&mut self, _: &Gpu, _: &mut wgpu::CommandEncoder, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
+    fn recorded(
+        &mut self,
+        _: &Gpu,
+        _: &mut wgpu::CommandEncoder,
+        dispatch: &Dispatch<'_>,
+        _: Option<&wgpu::Buffer>,
+    ) -> Result<(), GpuError> {
         let planes = self.twin.compute(dispatch.label(), self.frame);
         for plane in &planes {
             self.twin.keep(dispatch.label(), plane);

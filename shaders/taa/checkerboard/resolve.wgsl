@@ -98,7 +98,7 @@ fn filled(p: vec2i) -> vec3f {
         return s.interpolated;
     }
     let h = to_space(filtered_history(at.q));
-    return from_space(rectified(rectify, h, to_space(s.interpolated), s.bounds, domain));
+    return from_space(rectified(rectify, h, to_space(s.interpolated), s.bounds, domain, guards));
 }
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
@@ -113,7 +113,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     } else {
         resolved = filled(p);
     }
-    resolved = min(resolved, vec3f(F16_MAX));
+    resolved = saturated(resolved);
     textureStore(next_history, id.xy, vec4f(round_history(resolved), 1.0));
     textureStore(shown, id.xy, vec4f(from_domain(resolved, domain), 1.0));
 }

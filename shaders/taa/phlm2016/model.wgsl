@@ -106,7 +106,7 @@ fn surroundings(p: vec2i) -> Surroundings {
 fn feature(at: Reprojection, s: Surroundings) -> vec3f {
     let h = clamp(sample_bilinear(history, at.q), s.bounds.lo, s.bounds.hi);
     let l = max(0.0, min(luma(h) - s.luma_lo, s.luma_hi - luma(h)));
-    let range = max(s.luma_hi - s.luma_lo, 1e-4);
+    let range = max(s.luma_hi - s.luma_lo, select(0.0, 1e-4, guards));
     let motion_px = sqrt(at.motion.length2);
     if (phlm_printed) {
         return mix(h, s.low, saturate(l * l * (0.125 + 0.25 * motion_px * l) / (l + range)));
@@ -118,7 +118,7 @@ fn feature(at: Reprojection, s: Surroundings) -> vec3f {
 fn updated(model: Model, x: vec4f, y: vec3f) -> Model {
     let error = y - x * model.coefficients;
     let px = model.covariance * x;
-    let gain = px / (FORGETTING + max(0.0, dot(x, px)));
+    let gain = px / (FORGETTING + select(dot(x, px), max(0.0, dot(x, px)), guards));
     var p = model.covariance;
     for (var i = 0; i < 4; i++) {
         p[i] = (p[i] - gain * px[i]) / FORGETTING;
@@ -133,6 +133,9 @@ fn updated(model: Model, x: vec4f, y: vec3f) -> Model {
 
 // Where the feature does not change, forgetting would let the covariance grow without end.
 fn bounded(p: mat4x4f) -> mat4x4f {
+    if (!guards) {
+        return p;
+    }
     let diagonal = vec4f(p[0].x, p[1].y, p[2].z, p[3].w);
     if (any(diagonal <= vec4f(0.0))) {
         return unknown();
@@ -159,7 +162,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let x = vec4f(1.0, z);
     let predicted = x * model.coefficients;
     if (any(predicted < s.bounds.lo - 1e-4) || any(predicted > s.bounds.hi + 1e-4)) {
-        model = constant_model(clip_current(predicted, y, s.bounds));
+        model = constant_model(clip_current(predicted, y, s.bounds, guards));
     }
     model = updated(model, x, y);
     let index = texel_index(p);
@@ -167,7 +170,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     next_covariances[index] = packed(model.covariance);
     textureStore(next_history, id.xy, vec4f(round_history(z), 1.0));
 
-    var resolved = clamp(x * model.coefficients, vec3f(0.0), vec3f(F16_MAX));
+    var resolved = saturated(max(x * model.coefficients, vec3f(0.0)));
     var n = 1.0;
     if (frame.has_history != 0u && moves == 0u) {
         let previous = textureLoad(mean, id.xy, 0);

@@ -4,5 +4,8 @@
 alias HistoryStore = texture_storage_2d<rgba16float, write>;
 
 fn round_history(c: vec3f) -> vec3f {
+    if (!guards) {
+        return c;
+    }
     return quantizeToF16(c);
 }

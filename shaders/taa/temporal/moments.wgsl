@@ -52,6 +52,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     } else {
         shift = neighbour(middle, vec2i(0));
     }
+    if (!guards) {
+        shift = vec3f(0.0);
+    }
     // tails[i]: texels i to n - 1 of the first n.
     var tails: array<Moments, 31>;
     var tail = Moments();
@@ -68,7 +71,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let window = sum(tails[i], head);
         let offset = window.m1 / f32(n);
         textureStore(means, p, vec4f(shift + offset, 0.0));
-        textureStore(variances, p, vec4f(max(vec3f(0.0), window.m2 / f32(n) - offset * offset), 0.0));
+        let variance = window.m2 / f32(n) - offset * offset;
+        textureStore(variances, p, vec4f(select(variance, max(vec3f(0.0), variance), guards), 0.0));
         head = sum(head, moments_of(middle + (i + 1) * axis, shift));
     }
 }

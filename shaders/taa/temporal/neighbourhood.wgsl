@@ -77,7 +77,7 @@ struct Distribution {
 
 // Moments are taken about the centre texel, because m2/N - μ² cancels where the neighbourhood is bright and flat.
 fn distribution(p: vec2i) -> Distribution {
-    let centre = neighbour(p, vec2i(0));
+    let centre = select(vec3f(0.0), neighbour(p, vec2i(0)), guards);
     let radius = i32(variance_window) / 2;
     var m1 = vec3f(0.0);
     var m2 = vec3f(0.0);
@@ -90,7 +90,8 @@ fn distribution(p: vec2i) -> Distribution {
     }
     let per_texel = 1.0 / f32(variance_window * variance_window);
     let offset = m1 * per_texel;
-    return Distribution(centre + offset, sqrt(max(vec3f(0.0), m2 * per_texel - offset * offset)));
+    let variance = m2 * per_texel - offset * offset;
+    return Distribution(centre + offset, sqrt(select(variance, max(vec3f(0.0), variance), guards)));
 }
 
 // Salvi, variance clipping: mean ± γ σ over n×n texels.

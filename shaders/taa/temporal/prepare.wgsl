@@ -6,6 +6,7 @@ override WORKGROUP_Y: u32 = 8u;
 override domain: u32;
 // Store the luma of the unlit colour in alpha.
 override with_albedo: bool;
+override guards: bool;
 
 @group(0) @binding(0) var input_color: texture_2d<f32>;
 @group(0) @binding(1) var color: texture_storage_2d<rgba32float, write>;
@@ -19,12 +20,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     // Alpha is 0 where one of several samples was repaired when they were merged.
     let raw = textureLoad(input_color, id.xy, 0);
-    let prepared = to_domain(repaired(raw.rgb), domain);
+    let prepared = to_domain(select(raw.rgb, repaired(raw.rgb), guards), domain);
     var unlit_luma = luma(prepared);
     var hostile = any_hostile(raw.rgb) || raw.a == 0.0;
     if (with_albedo) {
         let albedo = textureLoad(input_albedo, id.xy, 0).rgb;
-        unlit_luma = luma(repaired(albedo));
+        unlit_luma = luma(select(albedo, repaired(albedo), guards));
         hostile = hostile || any_hostile(albedo);
     }
     if (hostile) {

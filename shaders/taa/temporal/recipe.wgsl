@@ -34,6 +34,8 @@ override hdr_weight: u32;
 override sharpen: u32;
 override sharpen_strength: f32;
 override motion_blur: bool;
+// Off: the literal formulas, without what keeps them finite and bounded.
+override guards: bool;
 
 struct Frame {
     // Separable weights of the 3×3 input filter at this frame's jitter; each axis sums to 1.
@@ -60,3 +62,11 @@ struct Frame {
 @group(0) @binding(5) var motion: texture_2d<f32>;
 @group(0) @binding(6) var<uniform> frame: Frame;
 @group(0) @binding(7) var history: texture_2d<f32>;
+
+// What is stored saturates: neither it nor a sum of it overflows.
+fn saturated(c: vec3f) -> vec3f {
+    if (!guards) {
+        return c;
+    }
+    return min(c, vec3f(F16_MAX));
+}

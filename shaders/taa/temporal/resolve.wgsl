@@ -18,7 +18,7 @@ fn accumulated(p: vec2i, at: Reprojection, current: vec3f, n: f32) -> vec3f {
     var bounds = ColorBox();
     if (neighbourhood != NEIGHBOURHOOD_NONE) {
         bounds = color_box(p, current, at);
-        h = from_space(rectified(rectify, to_space(unrectified), to_space(current), bounds, domain));
+        h = from_space(rectified(rectify, to_space(unrectified), to_space(current), bounds, domain, guards));
     }
     return blend(h, current, blend_weight(p, current, h, to_space(unrectified), bounds, at.motion, n));
 }
@@ -43,7 +43,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         }
         resolved = accumulated(p, at, current, n);
     }
-    resolved = min(resolved, vec3f(F16_MAX));
+    resolved = saturated(resolved);
     textureStore(next_history, id.xy, vec4f(round_history(resolved), 1.0));
     if (counts_samples()) {
         textureStore(next_n_samples, id.xy, vec4f(n));

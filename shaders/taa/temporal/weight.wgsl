@@ -45,7 +45,7 @@ fn luma_feedback(l0: f32, l1: f32) -> f32 {
 fn antiflicker(lo: f32, hi: f32, l: f32, motion_px: f32) -> f32 {
     let base = mix(0.04, 0.2, saturate(motion_px / 40.0));
     let to_edge = max(0.0, min(l - lo, hi - l));
-    return min(1.0, base * (1.0 + 3.0 * saturate(2.0 * to_edge / max(hi - lo, 1e-7))));
+    return min(1.0, base * (1.0 + 3.0 * saturate(2.0 * to_edge / max(hi - lo, select(0.0, 1e-7, guards)))));
 }
 
 // Yang et al. 2009: shorter histories where they differ from the present on average, and where the fraction of the motion
@@ -58,7 +58,7 @@ fn amortized(p: vec2i, motion_px: vec2f, n: f32) -> f32 {
     let difference = max3(abs(sum / 7.0));
     let f = fract(motion_px);
     let blur = 0.5 * dot(f, 1.0 - f);
-    return max(1.0 / n, max(saturate(1.0 - 0.05 / max(difference, 1e-6)), blur / (blur + 0.5)));
+    return max(1.0 / n, max(saturate(1.0 - 0.05 / max(difference, select(0.0, 1e-6, guards))), blur / (blur + 0.5)));
 }
 
 // Within 0 to 1; what is not finite counts as 0.

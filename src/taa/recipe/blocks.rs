@@ -174,6 +174,17 @@ pub enum Domain {
     Display,
 }
 
+/// What keeps values finite and bounded where a formula alone would not: the repair of hostile colours, the smallest divisors,
+/// moments about a shift, stores that round and saturate, the limits of what is fitted. `docs/stress.md` lists them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Guards {
+    /// The literal formulas, to show what becomes of them.
+    Off,
+    /// As the contract has it.
+    On,
+}
+
 /// How the shown image is sharpened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

@@ -1,11 +1,6 @@
 //! The pixels that a frame did not shade: the twin of `shaders/taa/checkerboard`, after Yang et al. 2020, section 5.3.
 
-use super::{
-    Pixels,
-    color::{Color, F16_MAX},
-    neighbourhood::minmax,
-    real::Real,
-};
+use super::{Pixels, color::Color, neighbourhood::minmax, real::Real};
 use crate::image::Image;
 
 const HORIZONTAL: [[i64; 2]; 2] = [[-1, 0], [1, 0]];
@@ -23,7 +18,7 @@ impl<R: Real> Pixels<'_, R> {
             } else {
                 self.filled([x.into(), y.into()])
             };
-            color.min(Color::splat(F16_MAX))
+            self.saturated(color)
         })
     }
 

@@ -5,7 +5,7 @@ use crate::{
     image::Image,
     metrics::Display,
     sequence::frame::Rgb,
-    taa::recipe::{Domain, Space},
+    taa::recipe::{Domain, Guards, Space},
 };
 use std::ops::{Add, Mul, Sub};
 
@@ -170,10 +170,14 @@ pub struct Repaired<R> {
     pub hostile: Image<bool>,
 }
 
-/// Each component, and where that was needed.
-pub fn repaired<R: Real>(image: &Image<Rgb>) -> Repaired<R> {
+/// Each component, unless `guards` are off, and where that was needed.
+pub fn repaired<R: Real>(image: &Image<Rgb>, guards: Guards) -> Repaired<R> {
+    let taken = |channel| match guards {
+        Guards::On => repair(channel),
+        Guards::Off => channel,
+    };
     Repaired {
-        color: image.map(|rgb| Color(rgb.map(|channel| R::new(f64::from(repair(channel)))))),
+        color: image.map(|rgb| Color(rgb.map(|channel| R::new(f64::from(taken(channel)))))),
         hostile: image.map(|rgb| rgb.into_iter().any(is_hostile)),
     }
 }
@@ -184,8 +188,9 @@ pub fn prepare<R: Real>(
     albedo: Option<&Image<Rgb>>,
     domain: Domain,
     display: &Display,
+    guards: Guards,
 ) -> Prepared<R> {
-    let albedo = albedo.map(repaired::<R>);
+    let albedo = albedo.map(|albedo| repaired::<R>(albedo, guards));
     let needed_repair = |i: &usize| {
         let albedo = albedo.as_ref().is_some_and(|albedo| albedo.hostile.pixels()[*i]);
         color.hostile.pixels()[*i] || albedo

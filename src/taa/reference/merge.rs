@@ -8,6 +8,7 @@ use super::{
 use crate::{
     image::Image,
     sequence::{Frame, Merging, repaired_opacity},
+    taa::recipe::Guards,
 };
 
 /// Longer than any image, and finite.
@@ -15,9 +16,12 @@ const UNUSABLE_PX: f32 = 1e30;
 
 /// The colour of every pixel, and whether any part of it had to be repaired.
 pub fn color<R: Real>(frame: &Frame) -> Repaired<R> {
-    let first = repaired::<R>(&frame.color);
+    let first = repaired::<R>(&frame.color, Guards::On);
     let Some(others) = &frame.others else { return first };
-    let items: Vec<_> = [first].into_iter().chain(others.color.iter().map(repaired)).collect();
+    let items: Vec<_> = [first]
+        .into_iter()
+        .chain(others.color.iter().map(|color| repaired(color, Guards::On)))
+        .collect();
     let extent = frame.extent();
     let hostile_opacity = |x, y| {
         others

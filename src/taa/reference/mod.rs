@@ -58,7 +58,7 @@ pub struct Twin<R> {
 }
 
 /// What a frame's reprojection reads of the frame before.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Images {
     depth: Option<Image<f32>>,
     object_id: Option<Image<u32>>,
@@ -103,6 +103,21 @@ impl<R: Real> Twin<R> {
             images: Images::default(),
             previous: None,
         }
+    }
+
+    /// How its history is stored.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// What the last frame left as history: the resolved image in the working domain, for `phlm2016` its feature.
+    pub fn history(&self) -> Option<&Image<Color<R>>> {
+        self.planes.left.history.as_ref()
+    }
+
+    /// Whether both would make the same of any frame that follows.
+    pub fn is_in_the_state_of(&self, other: &Self) -> bool {
+        self.planes.left == other.planes.left && self.images == other.images
     }
 
     /// Resolves the next frame.
@@ -202,7 +217,15 @@ impl<R: Real> Pixels<'_, R> {
                 )
             }
         };
-        (resolved.min(Color::splat(F16_MAX)), n_samples)
+        (self.saturated(resolved), n_samples)
+    }
+
+    /// As it is stored: no larger than an f16 can be.
+    fn saturated(&self, color: Color<R>) -> Color<R> {
+        match self.recipe.has_guards() {
+            true => color.min(Color::splat(F16_MAX)),
+            false => color,
+        }
     }
 
     /// The current colour at `p` through the input filter, which may look at whether there is history.
@@ -272,8 +295,8 @@ impl<R: Real> Pixels<'_, R> {
         let rectified = match recipe.rectify {
             Rectify::None => history,
             Rectify::Clamp => history.clamp(bounds.lo, bounds.hi),
-            Rectify::ClipCentre => rectify::clip_centre(history, bounds, recipe.domain),
-            Rectify::ClipCurrent => rectify::clip_current(history, towards, bounds),
+            Rectify::ClipCentre => rectify::clip_centre(history, bounds, recipe.domain, recipe.has_guards()),
+            Rectify::ClipCurrent => rectify::clip_current(history, towards, bounds, recipe.has_guards()),
             Rectify::Hull => {
                 let ring = self.ring(self.input_texel(p));
                 hull::clip(history, towards, ring.map(|c| c.to_space(recipe.space)))

@@ -50,7 +50,7 @@ impl<R: Real> Pixels<'_, R> {
                 let bounds = if recipe.prefilter_moments {
                     self.prefiltered(under)
                 } else {
-                    distribution(texel([0, 0]), window(recipe.variance_window).map(texel))
+                    self.distribution(texel([0, 0]), window(recipe.variance_window).map(texel))
                 };
                 let bounds = bounds.bounds(R::new(recipe.variance_gamma));
                 if recipe.intersect_minmax {
@@ -94,8 +94,8 @@ struct Distribution<R> {
     variance: Color<R>,
 }
 
-/// Moments are taken about `centre`: `m2/N - μ²` cancels where the texels are bright and alike.
-fn distribution<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>>) -> Distribution<R> {
+/// Moments are taken about `centre`: `m2/N - μ²` cancels where the texels are bright and alike. The variance is at least `least`.
+fn distribution<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>>, least: R) -> Distribution<R> {
     let (mut m1, mut m2, mut n) = (Color::default(), Color::default(), 0);
     for texel in texels {
         let d = texel - centre;
@@ -105,7 +105,7 @@ fn distribution<R: Real>(centre: Color<R>, texels: impl Iterator<Item = Color<R>
     let offset = m1 * per_texel;
     Distribution {
         mean: centre + offset,
-        variance: (m2 * per_texel - square(offset)).max(Color::splat(0.0)),
+        variance: (m2 * per_texel - square(offset)).map(|v| v.max(least)),
     }
 }
 
@@ -132,7 +132,7 @@ impl<R: Real> Pixels<'_, R> {
         let radius = i64::from(self.recipe.variance_window / 2);
         self.moments(|[x, y]| {
             let texel = |i| self.color.clamped(x + i, y).to_space(self.recipe.space);
-            distribution(texel(0), (-radius..=radius).map(texel))
+            self.distribution(texel(0), (-radius..=radius).map(texel))
         })
     }
 
@@ -142,7 +142,7 @@ impl<R: Real> Pixels<'_, R> {
         let [means, variances] = [&self.planes.row_moments.means, &self.planes.row_moments.variances].map(made);
         self.moments(|[x, y]| {
             let mean = |j| means.clamped(x, y + j);
-            let of_means = distribution(mean(0), (-radius..=radius).map(mean));
+            let of_means = self.distribution(mean(0), (-radius..=radius).map(mean));
             let variances = (-radius..=radius).map(|j| variances.clamped(x, y + j));
             let sum = variances.fold(Color::default(), |sum, variance| sum + variance);
             Distribution {
@@ -150,6 +150,14 @@ impl<R: Real> Pixels<'_, R> {
                 variance: of_means.variance + sum * R::new(1.0 / f64::from(self.recipe.variance_window)),
             }
         })
+    }
+
+    /// Without guards about 0, and with whatever cancellation leaves.
+    fn distribution(&self, centre: Color<R>, texels: impl Iterator<Item = Color<R>>) -> Distribution<R> {
+        match self.recipe.has_guards() {
+            true => distribution(centre, texels, R::new(0.0)),
+            false => distribution(Color::default(), texels, R::new(f64::NEG_INFINITY)),
+        }
     }
 
     fn moments(&self, at: impl Fn([i64; 2]) -> Distribution<R> + Sync) -> Moments<R> {
@@ -214,7 +222,7 @@ mod tests {
         let texels: Vec<_> = (0..9)
             .map(|i| Color::<f32>::splat(1e4 + if i % 2 == 0 { 1e-3 } else { -1e-3 }))
             .collect();
-        let bounds = distribution(texels[0], texels.iter().copied()).bounds(1.0);
+        let bounds = distribution(texels[0], texels.iter().copied(), 0.0).bounds(1.0);
         let extent = bounds.hi.0[0] - bounds.lo.0[0];
         assert!((1e-3..4e-3).contains(&extent), "{extent}");
     }

@@ -2,7 +2,7 @@
 
 use super::{
     Pixels, RING,
-    color::{Color, F16_MAX},
+    color::Color,
     neighbourhood::{ColorBox, minmax},
     planes::{Left, made},
     real::Real,
@@ -65,11 +65,12 @@ impl<R: Real> Model<R> {
     }
 
     /// Recursive least squares: after it has seen that `x` gave `y`.
-    fn update(&mut self, x: [R; 4], y: Color<R>) {
+    fn update(&mut self, x: [R; 4], y: Color<R>, guarded: bool) {
         let error = y - self.predict(x);
         let forgetting = R::new(FORGETTING);
         let px = self.covariance.map(|row| dot(row, x));
-        let s = dot(x, px).max(R::new(0.0));
+        let s = dot(x, px);
+        let s = if guarded { s.max(R::new(0.0)) } else { s };
         let gain = px.map(|v| v / (forgetting + s));
         for (coefficient, gain) in self.coefficients.iter_mut().zip(gain) {
             *coefficient = *coefficient + error * gain;
@@ -77,7 +78,9 @@ impl<R: Real> Model<R> {
         for (row, gain) in self.covariance.iter_mut().zip(gain) {
             *row = std::array::from_fn(|j| (row[j] - gain * px[j]) / forgetting);
         }
-        self.bound();
+        if guarded {
+            self.bound();
+        }
     }
 
     /// Symmetric, positive, and of bounded trace: where the feature does not change, forgetting would let it grow.
@@ -151,13 +154,13 @@ impl<R: Real> Pixels<'_, R> {
         let predicted = model.predict(x);
         let beyond = predicted - predicted.clamp(bounds.lo, bounds.hi);
         if beyond.map(R::abs).max3() > R::new(1e-4) {
-            model = Model::constant(clip_current(predicted, y, &bounds));
+            model = Model::constant(clip_current(predicted, y, &bounds, self.recipe.has_guards()));
         }
-        model.update(x, y);
+        model.update(x, y, self.recipe.has_guards());
         Fitted {
             feature,
             model,
-            shown: model.predict(x).clamp(Color::splat(0.0), Color::splat(F16_MAX)),
+            shown: self.saturated(model.predict(x).max(Color::splat(0.0))),
             n_samples: R::new(1.0),
         }
     }
@@ -173,7 +176,7 @@ impl<R: Real> Pixels<'_, R> {
             lumas.into_iter().fold(lumas[0], R::max),
         );
         let l = (history.luma() - lo).min(hi - history.luma()).max(c(0.0));
-        let range = (hi - lo).max(c(1e-4));
+        let range = (hi - lo).max(c(if self.recipe.has_guards() { 1e-4 } else { 0.0 }));
         let phi = c(0.125) * l + c(0.25) * at.motion.length_px * l * l;
         let weight = if self.recipe.phlm_printed {
             (phi * l / (l + range)).saturate()
@@ -209,12 +212,12 @@ mod tests {
         let mut model = Model::<f64>::constant(Color::splat(0.0));
         for i in 0..200 {
             let z = f64::from(i % 10) / 10.0;
-            model.update([1.0, z, 0.0, 0.0], line(z));
+            model.update([1.0, z, 0.0, 0.0], line(z), true);
         }
         let error = model.predict([1.0, 0.33, 0.0, 0.0]) - line(0.33);
         assert!(error.map(f64::abs).max3() < 1e-3, "{error:?}");
         for _ in 0..10_000 {
-            model.update([1.0, 0.5, 0.0, 0.0], line(0.5));
+            model.update([1.0, 0.5, 0.0, 0.0], line(0.5), true);
         }
         let trace: f64 = (0..4).map(|i| model.covariance[i][i]).sum();
         assert!(trace <= 4.0 * UNKNOWN * 1.001, "{trace}");

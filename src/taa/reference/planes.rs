@@ -182,7 +182,7 @@ pub struct Moments<R> {
 }
 
 /// What a frame leaves to the next.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Left<R> {
     /// The resolved image; for `phlm2016` its feature.
     pub history: Option<Image<Color<R>>>,

@@ -33,15 +33,17 @@ pub trait Real:
     fn floor(self) -> Self;
     /// The nearest f16, ties to even.
     fn round_to_f16(self) -> Self;
+    /// Not a number.
+    fn is_nan(self) -> bool;
 
     /// The smaller; the other where one is NaN.
     fn min(self, other: Self) -> Self {
-        if other < self { other } else { self }
+        if self <= other || other.is_nan() { self } else { other }
     }
 
     /// The larger; the other where one is NaN.
     fn max(self, other: Self) -> Self {
-        if other > self { other } else { self }
+        if self >= other || other.is_nan() { self } else { other }
     }
 
     /// Within `lo` to `hi`.
@@ -82,6 +84,9 @@ impl Real for f32 {
     fn round_to_f16(self) -> Self {
         half::f16::from_f32(self).to_f32()
     }
+    fn is_nan(self) -> bool {
+        self.is_nan()
+    }
 }
 
 impl Real for f64 {
@@ -105,6 +110,9 @@ impl Real for f64 {
     }
     fn round_to_f16(self) -> Self {
         half::f16::from_f64(self).to_f64()
+    }
+    fn is_nan(self) -> bool {
+        self.is_nan()
     }
 }
 

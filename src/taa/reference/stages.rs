@@ -177,12 +177,12 @@ impl<R: Real> Twin<R> {
     fn prepare(&self, frame: &Frame) -> Vec<Plane<R>> {
         let recipe = &self.recipe;
         let repaired = match (recipe.source, &frame.unjittered_color, &self.planes.merged) {
-            (Source::UnjitteredIfPresent, Some(unjittered), _) => color::repaired(unjittered),
+            (Source::UnjitteredIfPresent, Some(unjittered), _) => color::repaired(unjittered, recipe.guards),
             (_, _, Some(merged)) => merged.clone(),
-            _ => color::repaired(&frame.color),
+            _ => color::repaired(&frame.color, recipe.guards),
         };
         let albedo = frame.albedo.as_ref().filter(|_| recipe.optional_channels().albedo);
-        let prepared = color::prepare(&repaired, albedo, recipe.domain, &frame.display);
+        let prepared = color::prepare(&repaired, albedo, recipe.domain, &frame.display, recipe.guards);
         let scale = Scale::of(recipe.domain);
         let color = if recipe.finds_edges() {
             let luma = prepared.unlit_luma.pixels();

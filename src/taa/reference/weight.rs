@@ -73,7 +73,8 @@ impl<R: Real> Pixels<'_, R> {
         let c = R::new;
         let rows = made(&self.planes.difference_rows);
         let difference = mean_of_7(|j| rows.clamped(x, y + j)).map(R::abs).max3();
-        let changed = (c(1.0) - c(0.05) / difference.max(c(1e-6))).saturate();
+        let changed =
+            (c(1.0) - c(0.05) / difference.max(c(if self.recipe.has_guards() { 1e-6 } else { 0.0 }))).saturate();
         let fractions = motion.px.map(|m| m - m.floor());
         let [vx, vy] = fractions.map(|f| f * (c(1.0) - f));
         let blur = c(0.5) * (vx + vy);

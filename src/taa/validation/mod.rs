@@ -155,6 +155,7 @@ impl Watch for Follow<'_> {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
+        _cleared: Option<&wgpu::Buffer>,
     ) -> Result<(), GpuError> {
         let pass = dispatch.label();
         let expected = self.twins.f64.compute(pass, self.frame);

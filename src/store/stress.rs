@@ -1,0 +1,154 @@
+//! Stress runs: their jobs, and the cells of their matrices.
+
+use super::{Claim, Store, StoreError, Timestamp};
+use crate::{
+    run::report::AdapterInfo,
+    stress::report::{Cell, StressReport},
+};
+use schemars::JsonSchema;
+use serde::Serialize;
+use sqlx::{FromRow, Row, sqlite::SqliteRow};
+
+/// A stored matrix, without its cells.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct StressRun {
+    /// Its job, by which it is asked for.
+    pub job_id: i64,
+    /// What ran it.
+    pub adapter: AdapterInfo,
+    /// Revision of the service that ran.
+    pub revision: String,
+    /// What noise and places were chosen by.
+    pub seed: u32,
+    /// Cells in all.
+    pub n_cells: i64,
+    /// Those that failed.
+    pub n_failed: i64,
+    /// When it was stored.
+    pub created_at: Timestamp,
+}
+
+impl FromRow<'_, SqliteRow> for StressRun {
+    fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
+        Ok(Self {
+            job_id: row.try_get("job_id")?,
+            adapter: AdapterInfo {
+                name: row.try_get("name")?,
+                backend: row.try_get("backend")?,
+                kind: row.try_get("kind")?,
+                driver: row.try_get("driver")?,
+                driver_version: row.try_get("driver_version")?,
+            },
+            revision: row.try_get("revision")?,
+            seed: row.try_get("seed")?,
+            n_cells: row.try_get("n_cells")?,
+            n_failed: row.try_get("n_failed")?,
+            created_at: row.try_get("created_at")?,
+        })
+    }
+}
+
+macro_rules! select_runs {
+    ($rest:literal) => {
+        concat!(
+            "SELECT stress_reports.*, adapters.name, adapters.backend, adapters.kind, adapters.driver, adapters.driver_version,
+                    (SELECT count(*) FROM stress_cells WHERE report_id = stress_reports.id) AS n_cells,
+                    (SELECT count(*) FROM stress_cells WHERE report_id = stress_reports.id AND verdict = 'fails') AS n_failed
+             FROM stress_reports JOIN adapters ON adapters.id = stress_reports.adapter_id ",
+            $rest
+        )
+    };
+}
+
+impl Store {
+    /// Stores a matrix and ends its job, both or neither.
+    pub async fn finish_stress(&self, claim: &Claim, report: &StressReport, now: Timestamp) -> Result<(), StoreError> {
+        let mut transaction = self.writer.begin().await?;
+        let done = sqlx::query(
+            "UPDATE jobs SET status = 'done', lease_until = NULL, finished_at = ?1, n_done = ?4, n_total = ?4
+             WHERE id = ?2 AND lease = ?3 AND status = 'running'",
+        )
+        .bind(now)
+        .bind(claim.job_id)
+        .bind(claim.lease)
+        .bind(report.cells.len() as i64)
+        .execute(&mut *transaction)
+        .await?;
+        if done.rows_affected() == 0 {
+            return Err(StoreError::ClaimLost(claim.job_id));
+        }
+        let adapter = &report.adapter;
+        let adapter_id: i64 = sqlx::query_scalar(
+            "INSERT INTO adapters (name, backend, kind, driver, driver_version) VALUES (?, ?, ?, ?, ?)
+             ON CONFLICT DO UPDATE SET name = name RETURNING id",
+        )
+        .bind(&adapter.name)
+        .bind(&adapter.backend)
+        .bind(&adapter.kind)
+        .bind(&adapter.driver)
+        .bind(&adapter.driver_version)
+        .fetch_one(&mut *transaction)
+        .await?;
+        let report_id: i64 = sqlx::query_scalar(
+            "INSERT INTO stress_reports (job_id, adapter_id, revision, seed, created_at) VALUES (?, ?, ?, ?, ?) RETURNING id",
+        )
+        .bind(claim.job_id)
+        .bind(adapter_id)
+        .bind(&report.revision)
+        .bind(report.seed)
+        .bind(now)
+        .fetch_one(&mut *transaction)
+        .await?;
+        for (index, cell) in report.cells.iter().enumerate() {
+            sqlx::query(
+                "INSERT INTO stress_cells (report_id, cell_index, hazard, recipe, verdict, cell) VALUES (?, ?, ?, ?, ?, ?)",
+            )
+            .bind(report_id)
+            .bind(index as i64)
+            .bind(&cell.hazard)
+            .bind(&cell.recipe)
+            .bind(cell.verdict.id())
+            .bind(serde_json::to_string(cell)?)
+            .execute(&mut *transaction)
+            .await?;
+        }
+        transaction.commit().await?;
+        Ok(())
+    }
+
+    /// Matrices, newest job first, of jobs with a smaller number than `before`.
+    pub async fn stress_runs(&self, before: Option<i64>, limit: u32) -> Result<Vec<StressRun>, StoreError> {
+        let found = sqlx::query_as(select_runs!(
+            "WHERE ?1 IS NULL OR stress_reports.job_id < ?1 ORDER BY stress_reports.job_id DESC LIMIT ?2"
+        ))
+        .bind(before)
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await?;
+        Ok(found)
+    }
+
+    /// The matrix of a job.
+    pub async fn stress_run(&self, job_id: i64) -> Result<Option<StressRun>, StoreError> {
+        let found = sqlx::query_as(select_runs!("WHERE stress_reports.job_id = ?"))
+            .bind(job_id)
+            .fetch_optional(&self.readers)
+            .await?;
+        Ok(found)
+    }
+
+    /// The cells of a job's matrix, in its order.
+    pub async fn stress_cells(&self, job_id: i64) -> Result<Vec<Cell>, StoreError> {
+        let cells: Vec<String> = sqlx::query_scalar(
+            "SELECT cell FROM stress_cells JOIN stress_reports ON stress_reports.id = report_id
+             WHERE job_id = ? ORDER BY cell_index",
+        )
+        .bind(job_id)
+        .fetch_all(&self.readers)
+        .await?;
+        Ok(cells
+            .iter()
+            .map(|cell| serde_json::from_str(cell))
+            .collect::<Result<_, _>>()?)
+    }
+}
