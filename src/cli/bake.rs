@@ -51,6 +51,12 @@ pub struct Arguments {
     /// Jitter: none, quincunx2, uniform4_helix or halton23(N)
     #[arg(long, value_name = "SEQUENCE", default_value = "halton23(16)")]
     jitter: JitterSequence,
+    /// Factor on the jitter, 0 to 1
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    jitter_scale: f64,
+    /// Let time stand still: only jitter and chance differ from frame to frame
+    #[arg(long)]
+    at_rest: bool,
     /// Shaded samples a pixel of the inputs: 1 or 4
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
@@ -120,7 +126,9 @@ impl Arguments {
             n_frames: self.frames,
             render_size: self.size,
             output_size: self.output_size.unwrap_or(self.size),
+            at_rest: self.at_rest,
             jitter: self.jitter,
+            jitter_scale: self.jitter_scale,
             samples: self.samples,
             reference_samples: self.reference_samples,
             reference_pattern: match self.reference_pattern {

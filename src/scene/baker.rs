@@ -13,7 +13,7 @@ use crate::{
     gpu::{Gpu, GpuError, ReadbackPool},
     image::{Extent, Image},
     metrics::{Display, display::Tonemap},
-    sequence::{Frame, frame::Rgb, manifest::NoiseFloor},
+    sequence::{Frame, Merging, Others, frame::Rgb, manifest::NoiseFloor},
 };
 use std::time::{Duration, Instant};
 
@@ -30,9 +30,9 @@ pub struct BakedFrame {
     pub camera: Clip,
     /// How its linear colour is shown.
     pub display: Display,
-    /// Linear RGB.
+    /// Linear RGB; of the first sample where a pixel has several, as are depth and motion.
     pub color: Image<Rgb>,
-    /// Linear RGB without jitter.
+    /// Linear RGB without jitter, the mean of as many samples.
     pub unjittered_color: Image<Rgb>,
     /// Unlit colour.
     pub albedo: Image<Rgb>,
@@ -51,6 +51,8 @@ pub struct BakedFrame {
     /// Where it was asked for: 1 where the surface was hidden or outside in the frame before, 0 where it was seen, 0.5 at
     /// an edge.
     pub disoccluded: Option<Image<f32>>,
+    /// Colour, depth and motion of the other samples.
+    pub others: Option<Others>,
 }
 
 impl BakedFrame {
@@ -72,7 +74,7 @@ impl BakedFrame {
             reactive: Some(self.reactive),
             unjittered_color: Some(self.unjittered_color),
             reference: self.reference,
-            others: None,
+            others: self.others,
         }
     }
 }
@@ -94,10 +96,12 @@ pub struct Baker<'g> {
     settings: BakeSettings,
     renderer: Renderer<'g>,
     surface: SurfaceTarget,
-    /// For inputs of several samples and without jitter.
+    /// For what has no jitter.
     input: Accumulator<'g>,
     reference: Option<Accumulator<'g>>,
     disocclusion: Option<Disocclusion>,
+    /// Of a scene at rest: what every frame's would be, but for its noise.
+    rested: Option<[Option<Image<Rgb>>; 2]>,
     noise: NoiseSums,
     pool: ReadbackPool,
     times: BakeTimes,
@@ -135,6 +139,7 @@ impl<'g> Baker<'g> {
                 .disocclusion
                 .then(|| Disocclusion::new(gpu, settings.render_size))
                 .transpose()?,
+            rested: None,
             noise: NoiseSums::default(),
             pool: ReadbackPool::default(),
             times: BakeTimes::default(),
@@ -171,8 +176,12 @@ impl<'g> Baker<'g> {
         let settings = self.settings.clone();
         let output = settings.output_size;
         let aspect = f64::from(output.width) / f64::from(output.height);
-        let frame = self.renderer.prepare(index, settings.render_size, aspect)?;
-        let jitter_px = settings.jitter.offset_px(index);
+        let times = match settings.at_rest {
+            true => [0.0; 2],
+            false => [index as f64, index as f64 - 1.0],
+        };
+        let frame = self.renderer.prepare(times, settings.render_size, aspect)?;
+        let jitter_px = settings.jitter.offset_px(index).map(|j| j * settings.jitter_scale);
         let seed = Random::new(settings.seed ^ (index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)).bits();
         let view = |jitter_px, salt: u32| View {
             jitter_px,
@@ -188,18 +197,52 @@ impl<'g> Baker<'g> {
         self.gpu.wait(submission)?;
         self.times.raster += begin.elapsed();
         let mut baked = self.read_surface(index, jitter_px, &frame)?;
-        let unjittered = [view([0.0; 2], 1)];
-        baked.unjittered_color = self.mean_of(&frame, &unjittered)?;
+        let around = |center_px: [f64; 2], salts: std::iter::StepBy<std::ops::RangeFrom<u32>>| -> Vec<View> {
+            let offsets = if settings.samples > 1 {
+                &ROTATED_GRID[..]
+            } else {
+                &[[0.0; 2]]
+            };
+            let views = offsets.iter().zip(salts);
+            views
+                .map(|(offset, salt)| view([center_px[0] + offset[0], center_px[1] + offset[1]], salt))
+                .collect()
+        };
+        baked.unjittered_color = self.mean_of(&frame, &around([0.0; 2], (1..).step_by(16)))?;
         if settings.samples > 1 {
-            let views: Vec<_> = ROTATED_GRID
-                .iter()
-                .zip(2..)
-                .map(|(offset, salt)| view([jitter_px[0] + offset[0], jitter_px[1] + offset[1]], salt))
-                .collect();
-            baked.color = self.mean_of(&frame, &views)?;
+            self.add_samples(&frame, &around(jitter_px, (2..).step_by(1)), &mut baked)?;
         }
         self.add_reference(&frame, seed, &mut baked)?;
         Ok(baked)
+    }
+
+    /// Puts the first of several samples in the place of the one at the jitter, and the others beside it.
+    fn add_samples(&mut self, frame: &PreparedFrame, views: &[View], baked: &mut BakedFrame) -> Result<(), BakeError> {
+        let mut others = Others {
+            merging: Merging::Samples,
+            color: Vec::new(),
+            opacity: Vec::new(),
+            motion_px: Vec::new(),
+            depth: Vec::new(),
+        };
+        for (item, view) in views.iter().enumerate() {
+            let begin = Instant::now();
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            self.renderer.draw_surface(&mut encoder, frame, *view, &self.surface)?;
+            let submission = self.gpu.queue.submit([encoder.finish()]);
+            self.gpu.wait(submission)?;
+            self.times.raster += begin.elapsed();
+            let sample = self.read_surface(baked.index, view.jitter_px, frame)?;
+            if item == 0 {
+                (baked.color, baked.depth, baked.motion_px) = (sample.color, sample.depth, sample.motion_px);
+            } else {
+                others.color.push(sample.color);
+                others.depth.push(sample.depth);
+                others.motion_px.push(sample.motion_px);
+            }
+        }
+        baked.others = Some(others);
+        Ok(())
     }
 
     fn mean_of(&mut self, frame: &PreparedFrame, views: &[View]) -> Result<Image<Rgb>, BakeError> {
@@ -216,6 +259,10 @@ impl<'g> Baker<'g> {
         let Some(reference) = &self.reference else {
             return Ok(());
         };
+        if let Some(rested) = &self.rested {
+            [baked.reference, baked.reference_karis] = rested.clone();
+            return Ok(());
+        }
         let mut halves = Vec::with_capacity(2);
         for half in 0..2 {
             let begin = Instant::now();
@@ -232,6 +279,9 @@ impl<'g> Baker<'g> {
         self.noise.add([&a.linear, &b.linear], self.display());
         baked.reference = Some(mean(&a.linear, &b.linear));
         baked.reference_karis = a.karis.as_ref().zip(b.karis.as_ref()).map(|(a, b)| mean_karis(a, b));
+        if self.settings.at_rest {
+            self.rested = Some([baked.reference.clone(), baked.reference_karis.clone()]);
+        }
         self.times.readback += begin.elapsed();
         Ok(())
     }
@@ -264,7 +314,7 @@ impl<'g> Baker<'g> {
         let disoccluded = mask.map(|slot| readback.texels(slot, extent)).transpose()?;
         let baked = BakedFrame {
             index,
-            reset: index == 0 || self.renderer.scene.cuts.contains(&index),
+            reset: index == 0 || !self.settings.at_rest && self.renderer.scene.cuts.contains(&index),
             jitter_px,
             camera: frame.moment.camera,
             display: self.display(),
@@ -278,6 +328,7 @@ impl<'g> Baker<'g> {
             reference: None,
             reference_karis: None,
             disoccluded: disoccluded.map(|mask| Image::from_pixels(extent, mask)),
+            others: None,
         };
         self.times.readback += begin.elapsed();
         Ok(baked)

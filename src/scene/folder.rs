@@ -174,24 +174,36 @@ const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
 const UNJITTERED: [&str; 3] = ["unjittered.R", "unjittered.G", "unjittered.B"];
 const KARIS: [&str; 3] = ["karis.R", "karis.G", "karis.B"];
 
+/// What stands before a channel's name where a pixel has several samples.
+const SAMPLE: &str = "S{sample}.";
+
 /// Colours as half floats, what is measured as 32 bits.
 fn write_frame(place: &Path, frame: &BakedFrame) -> Result<(), BakeError> {
     let extent = frame.color.extent();
     let name = format!("{:04}.exr", frame.index);
-    let colors: Vec<_> = rgb(COLOR, &frame.color)
+    let mut colors = Vec::new();
+    let mut geometry = Vec::new();
+    for (prefix, color, depth, motion_px) in samples(frame) {
+        let named = |(name, plane): (&str, Plane)| (format!("{prefix}{name}"), plane);
+        let motion = |axis: usize| Plane::F32(motion_px.pixels().iter().map(|motion| motion[axis]).collect());
+        colors.extend(rgb(COLOR, color).map(named));
+        let depth = Plane::F32(depth.pixels().to_vec());
+        geometry.extend([("depth", depth), ("motion.X", motion(0)), ("motion.Y", motion(1))].map(named));
+    }
+    let (names, planes): (Vec<String>, Vec<Plane>) = colors.into_iter().unzip();
+    let colors: Vec<_> = names
+        .iter()
+        .map(String::as_str)
+        .zip(planes)
         .chain(rgb(ALBEDO, &frame.albedo))
         .chain(rgb(UNJITTERED, &frame.unjittered_color))
         .chain([("reactive", Plane::F32(frame.reactive.pixels().to_vec()))])
         .collect();
     let path = place.join("input").join(format!("color_{name}"));
     write_exr(&path, extent, &colors, FloatFormat::Half, Compression::PIZ)?;
-    let motion = |axis: usize| Plane::F32(frame.motion_px.pixels().iter().map(|motion| motion[axis]).collect());
-    let mut geometry = vec![
-        ("depth", Plane::F32(frame.depth.pixels().to_vec())),
-        ("motion.X", motion(0)),
-        ("motion.Y", motion(1)),
-        ("id", Plane::U32(frame.object_id.pixels().to_vec())),
-    ];
+    let (names, planes): (Vec<String>, Vec<Plane>) = geometry.into_iter().unzip();
+    let mut geometry: Vec<_> = names.iter().map(String::as_str).zip(planes).collect();
+    geometry.push(("id", Plane::U32(frame.object_id.pixels().to_vec())));
     if let Some(mask) = &frame.disoccluded {
         geometry.push(("disoccluded", Plane::F32(mask.pixels().to_vec())));
     }
@@ -210,6 +222,22 @@ fn write_frame(place: &Path, frame: &BakedFrame) -> Result<(), BakeError> {
         )?;
     }
     Ok(())
+}
+
+/// What stands before their channels' names, colour, depth and motion of every sample.
+type Sample<'a> = (String, &'a Image<Rgb>, &'a Image<f32>, &'a Image<[f32; 2]>);
+
+fn samples(frame: &BakedFrame) -> Vec<Sample<'_>> {
+    let Some(others) = &frame.others else {
+        return vec![(String::new(), &frame.color, &frame.depth, &frame.motion_px)];
+    };
+    let colors = [&frame.color].into_iter().chain(&others.color);
+    let depths = [&frame.depth].into_iter().chain(&others.depth);
+    let motions = [&frame.motion_px].into_iter().chain(&others.motion_px);
+    let named = colors.zip(depths).zip(motions).enumerate();
+    named
+        .map(|(i, ((color, depth), motion))| (SAMPLE.replace("{sample}", &i.to_string()), color, depth, motion))
+        .collect()
 }
 
 fn rows(matrix: DMat4) -> [[f64; 4]; 4] {
@@ -235,6 +263,9 @@ fn manifest(settings: &BakeSettings, baker: &Baker<'_>, entries: &[Value]) -> Va
     let color = "input/color_{index:04}.exr";
     let geometry = "input/geometry_{index:04}.exr";
     let plane = |path: &str, channel: &str| json!({"path": path, "channel": channel});
+    let prefix = if settings.samples > 1 { SAMPLE } else { "" };
+    let named = |name: &str| format!("{prefix}{name}");
+    let motion = ["motion.X", "motion.Y"].map(named);
     let reference = baker.noise_floor().map(|noise_floor| {
         json!({
             "path": "reference/{index:04}.exr", "channels": COLOR, "transfer": "linear",
@@ -251,13 +282,14 @@ fn manifest(settings: &BakeSettings, baker: &Baker<'_>, entries: &[Value]) -> Va
         "fps": FPS,
         "render_size": settings.render_size,
         "output_size": settings.output_size,
-        "color": {"path": color, "channels": COLOR, "transfer": "linear"},
+        "samples": (settings.samples > 1).then(|| json!({"count": settings.samples})),
+        "color": {"path": color, "channels": COLOR.map(named).to_vec(), "transfer": "linear"},
         "unjittered_color": {"path": color, "channels": UNJITTERED, "transfer": "linear"},
         "albedo": {"path": color, "channels": ALBEDO, "transfer": "linear"},
         "reactive": plane(color, "reactive"),
-        "depth": {"path": geometry, "channel": "depth", "kind": "linear_view_z", "near": baker.near(), "far": null},
+        "depth": {"path": geometry, "channel": named("depth"), "kind": "linear_view_z", "near": baker.near(), "far": null},
         "motion": {
-            "path": geometry, "channels": ["motion.X", "motion.Y"], "units": "pixels_render",
+            "path": geometry, "channels": motion, "units": "pixels_render",
             "direction": "current_to_previous", "y": "down",
         },
         "object_id": plane(geometry, "id"),

@@ -65,10 +65,10 @@ impl Clip {
 }
 
 impl Moment {
-    /// The scene at frame `index`. The frame before is that of the same shot, so that motion goes on through a cut.
-    pub fn new(scene: &Scene, index: usize, aspect: f64) -> Self {
-        let time = index as f64;
-        let shot = scene.shot(index);
+    /// The scene at frame `times[0]`, and at `times[1]` before it. That is of the same shot, so that motion goes on through a cut.
+    pub fn new(scene: &Scene, times: [f64; 2], aspect: f64) -> Self {
+        let [time, before] = times;
+        let shot = scene.shot(time as usize);
         let camera = |time| Clip::new((scene.camera)(time, shot), scene.near, aspect);
         let lighting = (scene.lighting)(time);
         let shadow_from_world = scene.shadows.map_or(DMat4::IDENTITY, |region| {
@@ -81,11 +81,11 @@ impl Moment {
         });
         Self {
             camera: camera(time),
-            previous_camera: camera(time - 1.0),
+            previous_camera: camera(before),
             objects: scene
                 .objects
                 .iter()
-                .map(|object| [time, time - 1.0].map(|time| object.placement.at(time)))
+                .map(|object| times.map(|time| object.placement.at(time)))
                 .collect(),
             lighting,
             shadow_from_world,

@@ -172,10 +172,11 @@ impl<'g> Renderer<'g> {
         })?
     }
 
-    /// Uploads frame `index`, whose motion is counted in pixels of `extent`, and draws its shadows.
-    pub fn prepare(&self, index: usize, extent: Extent, aspect: f64) -> Result<PreparedFrame, GpuError> {
-        let moment = Moment::new(&self.scene, index, aspect);
-        self.upload_deformed(index);
+    /// Uploads the scene at a time in frames, whose motion since the time before is counted in pixels of `extent`, and draws
+    /// its shadows.
+    pub fn prepare(&self, times: [f64; 2], extent: Extent, aspect: f64) -> Result<PreparedFrame, GpuError> {
+        let moment = Moment::new(&self.scene, times, aspect);
+        self.upload_deformed(times);
         self.upload_objects(&moment);
         let shadow_group = self.bind_frame(&moment, extent, &self.no_shadow_map)?;
         if self.scene.shadows.is_some() {
@@ -199,12 +200,12 @@ impl<'g> Renderer<'g> {
         })
     }
 
-    fn upload_deformed(&self, index: usize) {
+    fn upload_deformed(&self, [now, before]: [f64; 2]) {
         for (mesh, device) in self.scene.meshes.iter().zip(&self.meshes) {
             let (Some(deform), Some(previous)) = (&mesh.deform, &device.previous) else {
                 continue;
             };
-            for (buffer, time) in [(&device.vertices, index as f64), (previous, index as f64 - 1.0)] {
+            for (buffer, time) in [(&device.vertices, now), (previous, before)] {
                 let vertices = deform(time, &mesh.vertices);
                 self.gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&vertices));
             }

@@ -17,9 +17,13 @@ pub struct BakeSettings {
     pub render_size: Extent,
     /// Size of the reference.
     pub output_size: Extent,
+    /// Let time stand still at the first frame: only jitter and chance differ from frame to frame.
+    pub at_rest: bool,
     /// Where each frame's sample lies.
     pub jitter: JitterSequence,
-    /// Shaded samples a pixel of the inputs' colour: 1, or 4 on a rotated grid around the jitter.
+    /// Factor on every jitter, 0 to 1.
+    pub jitter_scale: f64,
+    /// Shaded samples a pixel of the inputs: 1, or 4 on a rotated grid around the jitter, each with its depth and motion.
     pub samples: u32,
     /// Samples a pixel of the reference; even. 0 for none.
     pub reference_samples: u32,
@@ -52,7 +56,9 @@ impl BakeSettings {
             n_frames: 16,
             render_size: size,
             output_size: size,
+            at_rest: false,
             jitter: JitterSequence::Halton23(16),
+            jitter_scale: 1.0,
             samples: 1,
             reference_samples: 128,
             reference_pattern: Pattern::default(),
@@ -129,6 +135,9 @@ impl BakeSettings {
                 self.reference_samples
             );
             return setting("reference-samples", problem);
+        }
+        if !(0.0..=1.0).contains(&self.jitter_scale) {
+            return setting("jitter-scale", format!("must be 0 to 1, not {}", self.jitter_scale));
         }
         if !self.mip_bias.is_finite() || self.mip_bias.abs() > 16.0 {
             return setting("mip-bias", format!("must be from -16 to 16, not {}", self.mip_bias));

@@ -2,12 +2,15 @@
 
 use crate::support::gpu;
 use afterimage::{
-    image::{Extent, Image},
+    image::{
+        Extent, Image,
+        files::{Backend, FileReader, Limits},
+    },
     scene::{
         BakeError, BakeObserver, BakeSettings, BakedFrame, Baker, Cache, Clip, Pattern, SCENES, bake,
         builtin::{checker_color, sphere_center, sphere_radius},
     },
-    sequence::jitter::JitterSequence,
+    sequence::{Sequence, jitter::JitterSequence},
 };
 use glam::{DMat4, DVec2, DVec3};
 use std::{fs, path::Path};
@@ -345,9 +348,60 @@ fn four_samples_lie_closer_to_the_reference_than_one() {
             ..settings("fence")
         };
         let frame = frame_of(&settings, 1);
-        difference(&frame.color, frame.reference.as_ref().unwrap()).1
+        let others = frame.others.iter().flat_map(|others| &others.color);
+        let samples: Vec<_> = [&frame.color].into_iter().chain(others).collect();
+        let mean = Image::from_fn(SIZE, |x, y| {
+            let sum = |i: usize| samples.iter().map(|image| image.at(x, y)[i]).sum::<f32>();
+            [0, 1, 2].map(|i| sum(i) / samples.len() as f32)
+        });
+        let reference = frame.reference.as_ref().unwrap();
+        [&mean, &frame.unjittered_color].map(|image| difference(image, reference).1)
     };
-    assert!(error(4) < 0.7 * error(1), "{} {}", error(4), error(1));
+    let (four, one) = (error(4), error(1));
+    assert!(four[0] < 0.7 * one[0] && four[1] < 0.7 * one[1], "{four:?} {one:?}");
+}
+
+#[test]
+fn four_samples_are_written_with_their_own_depth_and_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("baked");
+    let settings = BakeSettings {
+        samples: 4,
+        ..settings("sphere")
+    };
+    bake(gpu(), &settings, &place, &()).unwrap();
+    let sequence = Sequence::open(&place, &FileReader::new(Backend::Native, Limits::default())).unwrap();
+    let frame = sequence.load(1, sequence.available()).unwrap();
+    let baked = frame_of(&settings, 1).others.unwrap();
+    let others = frame.others.unwrap();
+    assert_eq!(
+        (others.color.len(), others.depth.len(), others.motion_px.len()),
+        (3, 3, 3)
+    );
+    for i in 0..3 {
+        assert_eq!(others.depth[i], baked.depth[i]);
+        assert_eq!(others.motion_px[i], baked.motion_px[i]);
+        assert!(difference(&others.color[i], &baked.color[i]).1 < 1e-3, "half floats");
+    }
+    assert_ne!(others.depth[0], others.depth[2], "samples lie apart");
+}
+
+#[test]
+fn a_scene_at_rest_moves_only_its_samples() {
+    let settings = BakeSettings {
+        at_rest: true,
+        jitter_scale: 0.5,
+        reference_samples: 4,
+        ..settings("sphere")
+    };
+    let mut baker = Baker::new(gpu(), &settings).unwrap();
+    let [first, second] = [0, 1].map(|index| baker.frame(index).unwrap());
+    assert_eq!(first.unjittered_color, second.unjittered_color);
+    assert_eq!(first.reference, second.reference);
+    assert!(second.motion_px.pixels().iter().all(|motion| *motion == [0.0; 2]));
+    assert_ne!(first.color, second.color, "jitter moves the samples");
+    let whole = settings.jitter.offset_px(1);
+    assert_eq!(second.jitter_px, whole.map(|offset| 0.5 * offset));
 }
 
 #[test]
