@@ -12,6 +12,7 @@ pub mod config;
 pub mod gpu;
 pub mod image;
 pub mod metrics;
+pub mod paper;
 pub mod run;
 pub mod scene;
 pub mod sequence;

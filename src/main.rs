@@ -33,6 +33,7 @@ enum Command {
     Token(cli::token::Arguments),
     List(cli::list::Arguments),
     Openapi(cli::openapi::Arguments),
+    Paper(cli::paper::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -54,6 +55,7 @@ fn main() -> ExitCode {
         Command::Token(arguments) => cli::token::run(&arguments),
         Command::List(arguments) => cli::list::run(&arguments),
         Command::Openapi(arguments) => cli::openapi::run(&arguments),
+        Command::Paper(arguments) => cli::paper::run(&arguments),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

@@ -13,6 +13,7 @@ pub mod client;
 pub mod compare;
 pub mod list;
 pub mod openapi;
+pub mod paper;
 pub mod regressions;
 pub mod run;
 pub mod serve;

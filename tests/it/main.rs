@@ -19,6 +19,7 @@ mod images;
 mod masks;
 mod negative_controls;
 mod openapi;
+mod paper;
 mod posting;
 mod presets;
 mod properties;

@@ -1,0 +1,190 @@
+//! Curves as SVG.
+
+use super::finding::Chart;
+use std::fmt::Write as _;
+
+const WIDTH: f64 = 720.0;
+const HEIGHT: f64 = 300.0;
+const LEFT: f64 = 62.0;
+const RIGHT: f64 = 170.0;
+const TOP: f64 = 12.0;
+const BOTTOM: f64 = 44.0;
+
+/// Told apart by those who see few colours, too: Okabe and Ito, "Color Universal Design", 2008.
+const COLORS: [&str; 8] = [
+    "#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#999999",
+];
+
+/// Draws `chart` with labelled axes and a legend.
+pub fn svg(chart: &Chart) -> String {
+    let points = || {
+        chart
+            .curves
+            .iter()
+            .flat_map(|(_, points)| points)
+            .filter(|p| is_finite(p))
+    };
+    let [x_axis, y_axis] = [0, 1].map(|axis| Axis::new(points().map(|point| point[axis])));
+    let to_x = |x: f64| LEFT + x_axis.place(x) * (WIDTH - LEFT - RIGHT);
+    let to_y = |y: f64| HEIGHT - BOTTOM - y_axis.place(y) * (HEIGHT - TOP - BOTTOM);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n"
+    );
+    for tick in y_axis.ticks() {
+        let y = to_y(tick);
+        let end = WIDTH - RIGHT;
+        let label = y_axis.label(tick);
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{LEFT} {y:.1}H{end}\" stroke=\"#ddd\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
+            LEFT - 6.0,
+            y + 4.0
+        );
+    }
+    for tick in x_axis.ticks() {
+        let label = x_axis.label(tick);
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
+            to_x(tick),
+            HEIGHT - BOTTOM + 16.0
+        );
+    }
+    for (index, (name, points)) in chart.curves.iter().enumerate() {
+        let color = COLORS[index % COLORS.len()];
+        let corners: Vec<String> = points
+            .iter()
+            .filter(|point| is_finite(point))
+            .map(|&[x, y]| format!("{:.1},{:.1}", to_x(x), to_y(y)))
+            .collect();
+        let y = TOP + 10.0 + 18.0 * index as f64;
+        let x = WIDTH - RIGHT + 12.0;
+        let _ = writeln!(
+            svg,
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>\
+             <path d=\"M{x} {y}h18\" stroke=\"{color}\" stroke-width=\"3\"/><text x=\"{}\" y=\"{}\">{}</text>",
+            corners.join(" "),
+            x + 24.0,
+            y + 4.0,
+            escape(name)
+        );
+    }
+    let middle = TOP + (HEIGHT - TOP - BOTTOM) / 2.0;
+    let _ = writeln!(
+        svg,
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
+         <text transform=\"translate(14 {middle}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n</svg>",
+        LEFT + (WIDTH - LEFT - RIGHT) / 2.0,
+        HEIGHT - 8.0,
+        escape(&chart.x),
+        escape(&chart.y)
+    );
+    svg
+}
+
+fn is_finite(point: &[f64; 2]) -> bool {
+    point.iter().all(|value| value.is_finite())
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}
+
+/// A linear axis that ends at round numbers.
+struct Axis {
+    low: f64,
+    high: f64,
+    step: f64,
+}
+
+impl Axis {
+    fn new(values: impl Iterator<Item = f64>) -> Self {
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
+        let (low, high) = match low < high {
+            true => (low, high),
+            false if low.is_finite() => (low - 0.5, low + 0.5),
+            false => (0.0, 1.0),
+        };
+        let rough = (high - low) / 5.0;
+        let power = libm::pow(10.0, libm::log10(rough).floor());
+        let step = [1.0, 2.0, 5.0, 10.0]
+            .into_iter()
+            .map(|factor| factor * power)
+            .find(|step| *step >= rough)
+            .unwrap_or(rough);
+        Self {
+            low: (low / step).floor() * step,
+            high: (high / step).ceil() * step,
+            step,
+        }
+    }
+
+    /// From 0 at the low end to 1 at the high end.
+    fn place(&self, value: f64) -> f64 {
+        (value - self.low) / (self.high - self.low)
+    }
+
+    fn ticks(&self) -> impl Iterator<Item = f64> {
+        let n = ((self.high - self.low) / self.step).round() as usize;
+        (0..=n).map(|index| self.low + index as f64 * self.step)
+    }
+
+    fn label(&self, tick: f64) -> String {
+        let n_decimals = (-libm::log10(self.step).floor()).clamp(0.0, 9.0) as usize;
+        format!("{tick:.n_decimals$}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(points: &[[f64; 2]]) -> Chart {
+        Chart {
+            name: "name".to_owned(),
+            caption: String::new(),
+            x: "frame".to_owned(),
+            y: "PSNR, dB".to_owned(),
+            curves: vec![("a < b".to_owned(), points.to_vec())],
+        }
+    }
+
+    #[test]
+    fn axes_end_at_round_numbers() {
+        let axis = Axis::new([21.3, 28.9].into_iter());
+        assert_eq!(axis.ticks().collect::<Vec<_>>(), [20.0, 22.0, 24.0, 26.0, 28.0, 30.0]);
+        assert_eq!((axis.label(22.0), axis.place(25.0)), ("22".to_owned(), 0.5));
+        let axis = Axis::new([0.0, 0.7].into_iter());
+        assert_eq!(axis.ticks().map(|tick| axis.label(tick)).last().unwrap(), "0.8");
+    }
+
+    #[test]
+    fn infinite_points_are_left_out() {
+        let drawn = svg(&chart(&[[0.0, 1.0], [1.0, f64::INFINITY], [2.0, 3.0]]));
+        let line = drawn.lines().find(|line| line.contains("<polyline")).unwrap();
+        assert_eq!(
+            line.split("points=\"")
+                .nth(1)
+                .unwrap()
+                .split('"')
+                .next()
+                .unwrap()
+                .split(' ')
+                .count(),
+            2
+        );
+        assert!(
+            drawn.contains("a &lt; b") && !drawn.contains("inf") && !drawn.contains("NaN"),
+            "{drawn}"
+        );
+    }
+
+    #[test]
+    fn nothing_to_draw_is_drawn_empty() {
+        let drawn = svg(&chart(&[]));
+        assert!(drawn.ends_with("</svg>\n") && !drawn.contains("NaN"), "{drawn}");
+    }
+}
