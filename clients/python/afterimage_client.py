@@ -141,6 +141,16 @@ class Blob(TypedDict):
     #: SHA-256 of its content.
     sha256: str
 
+class Bound(TypedDict):
+    """A limit that theory gives."""
+
+    #: The same in letters.
+    formula: str
+    #: What was measured of it.
+    measured: float
+    #: In the unit that the formula has.
+    value: float
+
 class Bounds(TypedDict):
     """How far two images may be apart, in shares of a display's range: values without a limit count as `x / (1 + |x|)`, variances by their roots, numbers of samples by the share of each."""
 
@@ -168,6 +178,44 @@ class BranchList(TypedDict):
 
     #: By name.
     branches: List["Branch"]
+
+class Cell(TypedDict):
+    """A hazard, a recipe, a precision, an adapter."""
+
+    #: The adapter's name.
+    adapter: str
+    #: What theory allows, where it says something.
+    bound: Union["Bound", None]
+    #: The error by frame; of many frames some, each the worst of those since the one before.
+    course: List["ErrorAt"]
+    #: SHA-256, in hexadecimal, over the last image shown, bit for bit: what is promised to be equal has an equal one.
+    digest: str
+    #: The frame that had the largest error, or where it failed.
+    frame: Union[int, None]
+    #: How the largest error of a frame changed from frame to frame.
+    growth: Union["Growth", None]
+    #: Whether the recipe keeps what makes it stable.
+    guards: "Guards"
+    #: Id of the hazard.
+    hazard: str
+    #: The largest difference from the f64 twin, in display units: 1 is the display's range.
+    max_error: "Value"
+    #: The largest difference in steps of the history's precision at the twin's value.
+    max_error_ulps: "Value"
+    #: Frames that ran.
+    n_frames: int
+    #: Of stored history.
+    precision: "Precision"
+    #: Why, in words.
+    reason: str
+    #: Preset, with what was changed of it.
+    recipe: str
+    #: Frames from the disturbance until the image was as if nothing had been; none where there was no disturbance, or no end.
+    recovered_after: Union[int, None]
+    #: Of the input.
+    size: "Extent"
+    #: How it stood.
+    verdict: "StressVerdict"
 
 class ChangeRule(TypedDict):
     """Change-point detection: what counts as a change."""
@@ -363,6 +411,16 @@ class EnvironmentRequest(TypedDict):
     #: Operating system and its version, such as `windows 11 24H2`.
     os: NotRequired[str]
 
+class ErrorAt(TypedDict):
+    """The largest error of a frame."""
+
+    #: Display units.
+    error: "Value"
+    #: Steps of the history's precision at the twin's value.
+    error_ulps: "Value"
+    #: Which frame.
+    frame: int
+
 class Failure(TypedDict):
     """Why a job failed."""
 
@@ -477,6 +535,14 @@ class FramesRequest(TypedDict):
     #: More frames; where a frame is there already, its metrics and times are added to.
     frames: List["FrameRequest"]
 
+class Growth(TypedDict):
+    """A trend and its rate."""
+
+    #: Display units a frame where linear, natural logarithm of the factor a frame where exponential, else 0.
+    rate: float
+    #: Which kind of curve fits best.
+    trend: "GrowthTrend"
+
 class Health(TypedDict):
     """What answers."""
 
@@ -488,7 +554,7 @@ class Health(TypedDict):
     version: str
 
 #: A stored job.
-Job = TypedDict('Job', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'sequence_hash': str, 'sequence_name': str, 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
+Job = TypedDict('Job', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'sequence_hash': NotRequired[str], 'sequence_name': NotRequired[str], 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
 
 class JobPage(TypedDict):
     """A page of jobs."""
@@ -520,11 +586,13 @@ class JobSpec(TypedDict):
     presets: List["PresetSpec"]
     #: How often each GPU pass of a frame is timed, 1 to 100.
     repeat: int
+    #: Instead of running anything on a sequence, the matrix to try recipes with.
+    stress: NotRequired[Union["StressSpec", None]]
     #: Whether the adapter is held against the twin on the CPU.
     validate: "Validate"
 
 #: A job and, once it is done, its reports.
-JobWithReports = TypedDict('JobWithReports', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'reports': List["Report"], 'sequence_hash': str, 'sequence_name': str, 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
+JobWithReports = TypedDict('JobWithReports', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'reports': List["Report"], 'sequence_hash': NotRequired[str], 'sequence_name': NotRequired[str], 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
 
 class Judgement(TypedDict):
     """What the rules say."""
@@ -551,6 +619,26 @@ class Listing(TypedDict):
     unit: str
     #: Raised when the numbers change.
     version: int
+
+class Matrix(TypedDict):
+    """A matrix with its cells."""
+
+    #: What ran it.
+    adapter: "AdapterInfo"
+    #: Hazard by hazard, then recipe by recipe, then by precision.
+    cells: List["Cell"]
+    #: When it was stored.
+    created_at: "Timestamp"
+    #: Its job, by which it is asked for.
+    job_id: int
+    #: Cells in all.
+    n_cells: int
+    #: Those that failed.
+    n_failed: int
+    #: Revision of the service that ran.
+    revision: str
+    #: What noise and places were chosen by.
+    seed: int
 
 class NewWebhook(TypedDict):
     """A new webhook with its secret, which is shown this once."""
@@ -750,6 +838,8 @@ class Recipe(TypedDict):
     dilation: "Dilation"
     #: The domain in which colours are compared, blended and stored.
     domain: "Domain"
+    #: What keeps values finite and bounded; `off` shows what the literal formulas do.
+    guards: "Guards"
     #: Whether bright colours count less in the blend.
     hdr_weight: "HdrWeight"
     #: Store history as f32 whatever the job says, for averages longer than f16 can hold.
@@ -967,6 +1057,79 @@ class Series(TypedDict):
     #: Row id.
     series_id: int
 
+class StressPage(TypedDict):
+    """A page of matrices."""
+
+    #: Where the next page begins; none after the last.
+    next_cursor: Union["Cursor", None]
+    #: Newest job first, without their cells.
+    runs: List["StressRun"]
+
+#: The body of `POST /stress`.
+StressRequest = TypedDict('StressRequest', {'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'from': NotRequired[Union["DepartureInput", None]], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'parent': NotRequired[Union[str, None]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'stress': NotRequired["StressSpecInput"]})
+
+class StressRun(TypedDict):
+    """A stored matrix, without its cells."""
+
+    #: What ran it.
+    adapter: "AdapterInfo"
+    #: When it was stored.
+    created_at: "Timestamp"
+    #: Its job, by which it is asked for.
+    job_id: int
+    #: Cells in all.
+    n_cells: int
+    #: Those that failed.
+    n_failed: int
+    #: Revision of the service that ran.
+    revision: str
+    #: What noise and places were chosen by.
+    seed: int
+
+class StressSpec(TypedDict):
+    """Which cells to run."""
+
+    #: Do every frame of very many, even where the state repeats.
+    every_frame: bool
+    #: With what makes recipes stable, or without.
+    guards: List["Guards"]
+    #: Ids of hazards, or of their families; all where empty.
+    hazards: List[str]
+    #: Number of frames; each hazard's own where left out.
+    n_frames: Union[int, None]
+    #: How history is stored.
+    precisions: List["Precision"]
+    #: Which recipes; every preset where empty.
+    presets: List["PresetSpec"]
+    #: Fewer hazards, and fewer frames of them.
+    quick: bool
+    #: Chooses noise and places.
+    seed: int
+    #: Size of the frames, pixels; each hazard's own where left out. Hazards of shape keep theirs.
+    size: Union["Extent", None]
+
+class StressSpecInput(TypedDict):
+    """Which cells to run."""
+
+    #: Do every frame of very many, even where the state repeats.
+    every_frame: NotRequired[bool]
+    #: With what makes recipes stable, or without.
+    guards: NotRequired[List["Guards"]]
+    #: Ids of hazards, or of their families; all where empty.
+    hazards: NotRequired[List[str]]
+    #: Number of frames; each hazard's own where left out.
+    n_frames: NotRequired[Union[int, None]]
+    #: How history is stored.
+    precisions: NotRequired[List["Precision"]]
+    #: Which recipes; every preset where empty.
+    presets: NotRequired[List["PresetSpecInput"]]
+    #: Fewer hazards, and fewer frames of them.
+    quick: NotRequired[bool]
+    #: Chooses noise and places.
+    seed: NotRequired[int]
+    #: Size of the frames, pixels; each hazard's own where left out. Hazards of shape keep theirs.
+    size: NotRequired[Union["Extent", None]]
+
 class Suggestion(TypedDict):
     """A field of the manifest and the value that fits."""
 
@@ -1183,6 +1346,12 @@ Extent = List[int]
 #: Whose fault a failure is. Only [`FailureKind::Device`] is worth another try.
 FailureKind = Union[Literal['device'], Literal['input'], Literal['internal']]
 
+#: How an error behaves over frames.
+GrowthTrend = Union[Literal['bounded'], Literal['exponential'], Literal['linear']]
+
+#: What keeps values finite and bounded where a formula alone would not: the repair of hostile colours, the smallest divisors, moments about a shift, stores that round and saturate, the limits of what is fitted. `docs/stress.md` lists them.
+Guards = Union[Literal['off'], Literal['on']]
+
 #: Whether bright colours count less in the blend.
 HdrWeight = Union[Literal['karis'], Literal['none']]
 
@@ -1239,6 +1408,9 @@ Spatial = Union[Literal['fxaa'], Literal['none'], Literal['smaa']]
 
 #: Where a job stands.
 Status = Union[Literal['cancelled'], Literal['done'], Literal['failed'], Literal['queued'], Literal['running']]
+
+#: How a recipe stood a hazard.
+StressVerdict = Union[Literal['degrades'], Literal['fails'], Literal['not_run'], Literal['pass']]
 
 #: Who measured.
 SystemKind = Union[Literal['external'], Literal['recipe']]
@@ -1640,6 +1812,42 @@ class Client:
         since_ms: Not before: milliseconds since 1970.
         until_ms: Not after: milliseconds since 1970."""
         return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}/points", {'branch': branch, 'format': format, 'limit': limit, 'max_points': max_points, 'metric': metric, 'since_ms': since_ms, 'until_ms': until_ms}, {}, None)
+
+    def list_matrices(self, *, cursor: Optional[str] = None, limit: Optional[int] = None) -> "StressPage":
+        """Matrices of stress runs, without their cells
+
+        cursor: The `next_cursor` of the page before.
+        limit: At most so many, 1 to 1000; 50 where left out."""
+        return self._request('GET', f"/stress", {'cursor': cursor, 'limit': limit}, {}, None)
+
+    def iterate_matrices(self, **query: Any) -> Iterator["StressRun"]:
+        """Every row of `list_matrices`, page by page."""
+        cursor = None
+        while True:
+            page = self.list_matrices(cursor=cursor, **query)
+            yield from page['runs']
+            cursor = page.get('next_cursor')
+            if cursor is None:
+                return
+
+    def create_matrix(self, body: "StressRequest", *, idempotency_key: Optional[str] = None) -> "Job":
+        """Queue a matrix of hazards and recipes
+
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/stress", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def get_matrix(self, job: int) -> "Matrix":
+        """A job's matrix with its cells
+
+        job: Number."""
+        return self._request('GET', f"/stress/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+
+    def get_cell_image(self, job: int, picture: str) -> bytes:
+        """A cell's worst frame: adapter, twin, and their difference
+
+        job: Number.
+        picture: A cell's index in the matrix, from 0, with `.png`."""
+        return self._request('GET', f"/stress/{urllib.parse.quote(str(job), safe='')}/cells/{urllib.parse.quote(str(picture), safe='')}", {}, {}, None)
 
     def list_thresholds(self) -> "ThresholdList":
         """The rules of every branch, as last sent"""
