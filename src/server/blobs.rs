@@ -164,6 +164,8 @@ async fn append(mut body: BodyDataStream, path: &Path, first: u64, max_bytes: u6
         file.write_all(&chunk).await.map_err(ApiError::internal)?;
     }
     file.flush().await.map_err(ApiError::internal)?;
+    // What a client was told is here survives a power cut.
+    file.sync_data().await.map_err(ApiError::internal)?;
     outcome.map(|()| n_bytes)
 }
 

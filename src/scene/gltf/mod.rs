@@ -1,7 +1,8 @@
 //! Scenes of the user's own, from glTF 2.0: meshes, morph targets, skins, nodes, one animation, cameras, base materials. The
 //! light is ours: a sun with shadows, and a sky.
 //!
-//! A frame lasts 1/[`FPS`] s, and frame 0 shows the animation one frame in, so that the frame before it has a place too.
+//! A frame lasts 1/30 s, as in every baked sequence, and frame 0 shows the animation one frame in, so that the frame before it has a
+//! place too.
 
 mod data;
 mod look;
