@@ -45,6 +45,16 @@ impl Operation {
             .map(|media_type| {
                 let schema = match *media_type {
                     "application/json" => json!({}),
+                    // Of each event.
+                    "text/event-stream" => json!({
+                        "type": "object",
+                        "properties": {
+                            "id": {"type": "string"},
+                            "event": {"type": "string"},
+                            "data": {"type": "string", "contentMediaType": "application/json"},
+                        },
+                        "required": ["id", "event", "data"],
+                    }),
                     text if text.starts_with("text/") => json!({"type": "string"}),
                     _ => json!({"type": "string", "format": "binary"}),
                 };
