@@ -25,7 +25,7 @@ mod validation;
 
 use anyhow::Context;
 use serde::Serialize;
-use std::{fs, io::IsTerminal, path::PathBuf};
+use std::{fmt, fs, io::IsTerminal, path::PathBuf};
 
 /// Where JSON goes.
 #[derive(Clone, Debug)]
@@ -104,13 +104,6 @@ pub fn progress_bar(title: &str, n_total: u64) -> indicatif::ProgressBar {
 }
 
 /// Text as a part of a query.
-pub fn percent_encoded(text: &str) -> String {
-    let mut encoded = String::with_capacity(text.len());
-    for byte in text.bytes() {
-        match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'~' => encoded.push(byte as char),
-            other => encoded += &format!("%{other:02X}"),
-        }
-    }
-    encoded
+pub fn percent_encoded(text: &str) -> impl fmt::Display {
+    percent_encoding::utf8_percent_encode(text, percent_encoding::NON_ALPHANUMERIC)
 }

@@ -17,8 +17,8 @@ fn inside(label: &str) -> Subject {
 
 /// Why five taps lead where things move.
 const SMALLER_BOX: &str = "In motion history is resampled and blurred, so what the smaller box throws away is worth less; at rest the \
-    ordering holds. A sharper history filter brings the two nearer but does not turn them (scene `atrium` moving: 0.61 dB apart \
-    with the bilinear filter, 0.43 with Catmull-Rom, 0.34 with the quasi-interpolator): the rest was not explained.";
+    ordering holds. That does not explain all of it: with sharper history filters (`--set history_filter=catmull_rom`, \
+    `quasi_cubic`, tried by hand) the two come nearer and do not change places.";
 
 /// Its first version's neighbourhood.
 fn five_taps(subject: Subject) -> Subject {

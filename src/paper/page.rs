@@ -31,7 +31,8 @@ fn preface(lab: &Lab<'_>) -> String {
     };
     let timestamps = if lab.gpu.is_cpu() { ", which is a CPU" } else { "" };
     format!(
-        "Made by `{command}` of version {}; nothing here is written by hand. Adapter: {} ({} {}){timestamps}.\n\n\
+        "Made by `{command}` of version {}: every number of ours is measured by that run; what is said of orderings that do not hold \
+         was found out before. Adapter: {} ({} {}){timestamps}.\n\n\
          Scenes are our own and only like those published ([scenes.md](scenes.md)): numbers in parentheses are what was \
          published, and only their order can be compared. Frames are {} where nothing else is said, {} of them where something \
          moves, with references of {} samples a pixel. Presets are as `afterimage list presets` has them: no parameter is \

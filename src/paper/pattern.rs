@@ -3,6 +3,7 @@
 use crate::{
     image::{Extent, Image},
     metrics::Display,
+    random::lattice,
     sequence::{Frame, frame::Rgb},
 };
 
@@ -122,13 +123,9 @@ impl Wave {
     }
 }
 
-/// A repeatable number in 0 to 1 for each pair. Steele et al., "Fast Splittable Pseudorandom Number Generators", 2014.
+/// A repeatable number in 0 to 1 for each pair.
 fn uniform(index: u64, stream: u64) -> f64 {
-    let mut z = index.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ stream.wrapping_mul(0xd1b5_4a32_d192_ed03);
-    for multiplier in [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb] {
-        z = (z ^ (z >> 30)).wrapping_mul(multiplier);
-    }
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    lattice(index as i64, stream as i64, 0)
 }
 
 #[cfg(test)]

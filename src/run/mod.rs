@@ -22,7 +22,7 @@ pub use plan::Unfit;
 use report::Report;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-pub use times::{median, summary as time_summary};
+pub use times::summary as time_summary;
 
 /// One preset of a run, with overridden parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

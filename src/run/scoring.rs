@@ -5,7 +5,7 @@ use super::{
     Observer, RunError,
     plan::Plan,
     report::{FrameReport, PresetReport, Report, SequenceInfo},
-    times::{median, summary, timed},
+    times::{summary, timed},
 };
 use crate::{
     gpu::{Gpu, Readback, Times},
@@ -16,6 +16,7 @@ use crate::{
         offset_px,
     },
     sequence::{Frame, Sequence, frame::Rgb},
+    statistics::median,
 };
 use std::{
     collections::BTreeMap,

@@ -1,6 +1,7 @@
 //! Measuring, and condensing what was measured.
 
 use super::report::TimeSummary;
+use crate::statistics::median;
 use std::time::Instant;
 
 /// Runs `work` and returns its wall time in milliseconds beside its result.
@@ -19,18 +20,6 @@ pub fn milliseconds_since(start: Instant) -> f64 {
 pub fn thread_cpu_ms() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
-}
-
-/// The middle value; of an even number, the mean of the two in the middle. NaN of none.
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let n = sorted.len();
-    match (n, n % 2) {
-        (0, _) => f64::NAN,
-        (_, 0) => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
-        _ => sorted[n / 2],
-    }
 }
 
 /// None where nothing was measured.

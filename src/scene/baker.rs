@@ -5,7 +5,6 @@ use super::{
     disocclusion::Disocclusion,
     model::Alpha,
     moment::Clip,
-    random::Random,
     reference::{Accumulator, Mean, NoiseSums, half_views},
     renderer::{PreparedFrame, Renderer, SurfaceTarget, View},
 };
@@ -13,6 +12,7 @@ use crate::{
     gpu::{Gpu, GpuError, ReadbackPool},
     image::{Extent, Image},
     metrics::{Display, display::Tonemap},
+    random::Random,
     sequence::{Frame, Merging, Others, frame::Rgb, manifest::NoiseFloor},
 };
 use std::time::{Duration, Instant};

@@ -1,7 +1,7 @@
 //! Baked sequences, kept under a key of all that decides their content: settings, scene, adapter, version.
 
 use super::{BakeError, BakeObserver, BakeSettings, BakeSummary, bake};
-use crate::gpu::Gpu;
+use crate::{gpu::Gpu, hex::hex};
 use sha2::{Digest, Sha256};
 use std::{
     env, fs,
@@ -53,7 +53,7 @@ impl Cache {
             "adapter": [adapter.name, adapter.driver, adapter.driver_version],
         });
         let digest = Sha256::digest(key.to_string());
-        let hash: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+        let hash = hex(&digest[..8]);
         self.folder.join(format!("{}-{hash}", settings.scene))
     }
 

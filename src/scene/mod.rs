@@ -19,7 +19,6 @@ pub mod model;
 mod moment;
 mod pattern;
 mod pipelines;
-pub mod random;
 mod reference;
 mod renderer;
 mod settings;

@@ -1,6 +1,6 @@
 //! Where the samples of a reference lie in their pixel.
 
-use super::random::Random;
+use crate::random::Random;
 use crate::sequence::jitter::radical_inverse;
 use serde::{Deserialize, Serialize};
 

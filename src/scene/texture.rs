@@ -3,8 +3,10 @@
 //! Levels are halved by a 2×2 box in linear light, colour weighed by alpha: averaged as stored, sRGB darkens, and what
 //! lies behind a hole bleeds into its rim.
 
-use super::random::lattice;
-use crate::image::{Extent, Image};
+use crate::{
+    image::{Extent, Image},
+    random::lattice,
+};
 
 /// An image of sRGB colour and linear alpha, and its halves down to one texel.
 #[derive(Clone, Debug)]

@@ -1,11 +1,11 @@
 //! A sequence's files as content: their hash, a cheap check that all are there, and packing them for submission.
 
 use super::{ImageProblem, Sequence, SequenceError, manifest::ImageSource};
+use crate::hex::hex;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::{
     collections::BTreeMap,
-    fmt::Write as _,
     fs, io,
     io::Write,
     path::{Path, PathBuf},
@@ -46,7 +46,7 @@ impl Sequence {
         let mut hash = Sha256::new();
         hash.update(self.manifest_json());
         lines.iter().for_each(|line| hash.update(line));
-        Ok(hexadecimal(&hash.finalize()))
+        Ok(hex(&hash.finalize()))
     }
 
     /// Checks that every referenced file is there, has a readable header, the declared size and channels. Reads no
@@ -130,7 +130,7 @@ fn append(tar: &mut tar::Builder<impl Write>, name: &str, file: &Path) -> Result
 fn hash_file(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
     io::copy(&mut fs::File::open(path)?, &mut HashWriter(&mut hash))?;
-    Ok(hexadecimal(&hash.finalize()))
+    Ok(hex(&hash.finalize()))
 }
 
 /// Feeds a hash from [`io::copy`].
@@ -145,11 +145,4 @@ impl Write for HashWriter<'_> {
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
-}
-
-fn hexadecimal(digest: &[u8]) -> String {
-    digest.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

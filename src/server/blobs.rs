@@ -3,6 +3,7 @@
 //! `POST /sequences` makes a sequence of blobs.
 
 use super::{ApiError, ApiPath, Shared};
+use crate::hex::hex;
 use axum::{
     Json,
     body::{Body, BodyDataStream},
@@ -14,7 +15,7 @@ use futures_util::StreamExt as _;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
-use std::{fmt::Write as _, io, path::Path};
+use std::{io, path::Path};
 use tokio::{
     fs::OpenOptions,
     io::{AsyncReadExt as _, AsyncWriteExt as _},
@@ -179,11 +180,7 @@ async fn hash_of(path: &Path) -> io::Result<String> {
             n => hash.update(&buffer[..n]),
         }
     }
-    let mut text = String::new();
-    for byte in hash.finalize() {
-        let _ = write!(text, "{byte:02x}");
-    }
-    Ok(text)
+    Ok(hex(&hash.finalize()))
 }
 
 /// Blobs that are being written, so that two uploads of one never mix.

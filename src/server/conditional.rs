@@ -1,6 +1,7 @@
 //! `ETag` and `If-None-Match`: a client that polls is sent what it does not have. The tag is a hash of the content, weak
 //! because compression may follow.
 
+use crate::hex::hex;
 use axum::{
     body::{Body, HttpBody as _, to_bytes},
     http::{HeaderMap, HeaderValue, Method, Request, StatusCode, header},
@@ -8,7 +9,6 @@ use axum::{
     response::{IntoResponse as _, Response},
 };
 use sha2::{Digest as _, Sha256};
-use std::fmt::Write as _;
 
 /// What is larger is sent as it comes.
 const MAX_TAGGED_BYTES: u64 = 8 << 20;
@@ -27,11 +27,7 @@ pub async fn tag(request: Request<Body>, next: Next) -> Response {
     let Ok(bytes) = to_bytes(body, MAX_TAGGED_BYTES as usize).await else {
         return StatusCode::INTERNAL_SERVER_ERROR.into_response();
     };
-    let mut tag = String::from("W/\"");
-    for byte in &Sha256::digest(&bytes)[..12] {
-        let _ = write!(tag, "{byte:02x}");
-    }
-    tag.push('"');
+    let tag = format!("W/\"{}\"", hex(&Sha256::digest(&bytes)[..12]));
     if let Ok(value) = HeaderValue::from_str(&tag) {
         parts.headers.insert(header::ETAG, value);
     }

@@ -4,7 +4,7 @@
 use super::{ApiError, Service, Shared, extract::ApiJson};
 use crate::{
     metrics::Value,
-    run::median,
+    statistics::median,
     store::{GPU_TIME, Report, Timestamp, TrendFilter},
     verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, overall, worst_frames},
 };

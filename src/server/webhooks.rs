@@ -6,11 +6,13 @@
 //! reaches: addresses are checked where they are resolved, at each attempt, and redirects are not followed.
 
 use super::Service;
-use crate::store::{Delivery, Timestamp};
+use crate::{
+    hex::hex,
+    store::{Delivery, Timestamp},
+};
 use hmac::{Hmac, Mac as _};
 use sha2::Sha256;
 use std::{
-    fmt::Write as _,
     net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs as _},
     sync::Arc,
     time::Duration,
@@ -145,11 +147,7 @@ impl Resolver for Checked {
 fn signature(secret: &str, seconds: u64, body: &str) -> String {
     let mut mac = Hmac::<Sha256>::new_from_slice(secret.as_bytes()).expect("HMAC takes keys of any length");
     mac.update(format!("{seconds}.{body}").as_bytes());
-    let mut text = format!("t={seconds},v1=");
-    for byte in mac.finalize().into_bytes() {
-        let _ = write!(text, "{byte:02x}");
-    }
-    text
+    format!("t={seconds},v1={}", hex(&mac.finalize().into_bytes()))
 }
 
 fn send(delivery: &Delivery, allows_private: bool) -> Result<(), String> {

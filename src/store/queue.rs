@@ -2,7 +2,7 @@
 //! is taken up again, at most [`MAX_ATTEMPTS`] times, because the job may be what kills it.
 
 use super::{Failure, FailureKind, JobSpec, Provenance, Status, Store, StoreError, Timestamp};
-use sqlx::Row;
+use sqlx::{Row, SqliteConnection};
 use std::time::Duration;
 
 /// How often a job is started before it counts as failed.
@@ -24,6 +24,32 @@ pub struct Claim {
     /// None for a stress run.
     pub(super) sequence_id: Option<i64>,
     pub(super) lease: i64,
+}
+
+impl Claim {
+    /// Ends the job as part of a transaction that stores what it produced, of which there are `n_done`.
+    pub(super) async fn end(
+        &self,
+        connection: &mut SqliteConnection,
+        n_done: usize,
+        now: Timestamp,
+    ) -> Result<(), StoreError> {
+        // A short job may end before its progress was ever stored.
+        let done = sqlx::query(
+            "UPDATE jobs SET status = 'done', lease_until = NULL, finished_at = ?1, n_done = ?4, n_total = ?4
+             WHERE id = ?2 AND lease = ?3 AND status = 'running'",
+        )
+        .bind(now)
+        .bind(self.job_id)
+        .bind(self.lease)
+        .bind(n_done as i64)
+        .execute(connection)
+        .await?;
+        match done.rows_affected() {
+            0 => Err(StoreError::ClaimLost(self.job_id)),
+            _ => Ok(()),
+        }
+    }
 }
 
 impl Store {

@@ -126,6 +126,17 @@ pub(super) fn json<T: serde::de::DeserializeOwned>(row: &SqliteRow, column: &str
     serde_json::from_str(row.try_get(column)?).map_err(|source| sqlx::Error::Decode(source.into()))
 }
 
+/// The adapter of a row that was joined with its own.
+pub(super) fn adapter(row: &SqliteRow) -> Result<AdapterInfo, sqlx::Error> {
+    Ok(AdapterInfo {
+        name: row.try_get("adapter_name")?,
+        backend: row.try_get("backend")?,
+        kind: row.try_get("adapter_kind")?,
+        driver: row.try_get("driver")?,
+        driver_version: row.try_get("driver_version")?,
+    })
+}
+
 impl FromRow<'_, SqliteRow> for Series {
     fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
         let history: Option<&str> = row.try_get("history")?;
@@ -141,13 +152,7 @@ impl FromRow<'_, SqliteRow> for Series {
             overrides: json::<Option<_>>(row, "overrides")?.unwrap_or_default(),
             environment_id: row.try_get("environment_id")?,
             environment: Environment {
-                adapter: AdapterInfo {
-                    name: row.try_get("adapter_name")?,
-                    backend: row.try_get("backend")?,
-                    kind: row.try_get("adapter_kind")?,
-                    driver: row.try_get("driver")?,
-                    driver_version: row.try_get("driver_version")?,
-                },
+                adapter: adapter(row)?,
                 os: row.try_get("os")?,
                 clocks: row.try_get("clocks")?,
             },

@@ -1,6 +1,6 @@
 //! Stress runs: their jobs, and the cells of their matrices.
 
-use super::{Claim, Store, StoreError, Timestamp};
+use super::{Claim, Store, StoreError, Timestamp, reading::adapter, writing::adapter_id};
 use crate::{
     run::report::AdapterInfo,
     stress::report::{Cell, StressReport},
@@ -32,13 +32,7 @@ impl FromRow<'_, SqliteRow> for StressRun {
     fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
         Ok(Self {
             job_id: row.try_get("job_id")?,
-            adapter: AdapterInfo {
-                name: row.try_get("name")?,
-                backend: row.try_get("backend")?,
-                kind: row.try_get("kind")?,
-                driver: row.try_get("driver")?,
-                driver_version: row.try_get("driver_version")?,
-            },
+            adapter: adapter(row)?,
             revision: row.try_get("revision")?,
             seed: row.try_get("seed")?,
             n_cells: row.try_get("n_cells")?,
@@ -51,7 +45,7 @@ impl FromRow<'_, SqliteRow> for StressRun {
 macro_rules! select_runs {
     ($rest:literal) => {
         concat!(
-            "SELECT stress_reports.*, adapters.name, adapters.backend, adapters.kind, adapters.driver, adapters.driver_version,
+            "SELECT stress_reports.*, adapters.name AS adapter_name, adapters.backend, adapters.kind AS adapter_kind, adapters.driver, adapters.driver_version,
                     (SELECT count(*) FROM stress_cells WHERE report_id = stress_reports.id) AS n_cells,
                     (SELECT count(*) FROM stress_cells WHERE report_id = stress_reports.id AND verdict = 'fails') AS n_failed
              FROM stress_reports JOIN adapters ON adapters.id = stress_reports.adapter_id ",
@@ -64,31 +58,8 @@ impl Store {
     /// Stores a matrix and ends its job, both or neither.
     pub async fn finish_stress(&self, claim: &Claim, report: &StressReport, now: Timestamp) -> Result<(), StoreError> {
         let mut transaction = self.writer.begin().await?;
-        let done = sqlx::query(
-            "UPDATE jobs SET status = 'done', lease_until = NULL, finished_at = ?1, n_done = ?4, n_total = ?4
-             WHERE id = ?2 AND lease = ?3 AND status = 'running'",
-        )
-        .bind(now)
-        .bind(claim.job_id)
-        .bind(claim.lease)
-        .bind(report.cells.len() as i64)
-        .execute(&mut *transaction)
-        .await?;
-        if done.rows_affected() == 0 {
-            return Err(StoreError::ClaimLost(claim.job_id));
-        }
-        let adapter = &report.adapter;
-        let adapter_id: i64 = sqlx::query_scalar(
-            "INSERT INTO adapters (name, backend, kind, driver, driver_version) VALUES (?, ?, ?, ?, ?)
-             ON CONFLICT DO UPDATE SET name = name RETURNING id",
-        )
-        .bind(&adapter.name)
-        .bind(&adapter.backend)
-        .bind(&adapter.kind)
-        .bind(&adapter.driver)
-        .bind(&adapter.driver_version)
-        .fetch_one(&mut *transaction)
-        .await?;
+        claim.end(&mut transaction, report.cells.len(), now).await?;
+        let adapter_id = adapter_id(&mut transaction, &report.adapter).await?;
         let report_id: i64 = sqlx::query_scalar(
             "INSERT INTO stress_reports (job_id, adapter_id, revision, seed, created_at) VALUES (?, ?, ?, ?, ?) RETURNING id",
         )

@@ -2,6 +2,7 @@
 //! a slow hash would only protect secrets that people think up.
 
 use super::{Store, StoreError, Timestamp};
+use crate::hex::hex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -108,11 +109,7 @@ pub fn token_hash(text: &str) -> [u8; 32] {
 pub fn random_secret(prefix: &str) -> Result<String, StoreError> {
     let mut bytes = [0u8; 32];
     getrandom::fill(&mut bytes).map_err(|error| StoreError::Random(error.to_string()))?;
-    let mut text = prefix.to_owned();
-    for byte in bytes {
-        text.push_str(&format!("{byte:02x}"));
-    }
-    Ok(text)
+    Ok(format!("{prefix}{}", hex(&bytes)))
 }
 
 fn token(row: &sqlx::sqlite::SqliteRow) -> Result<Token, StoreError> {

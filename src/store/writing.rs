@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     metrics::Value,
-    run::report::{FrameReport, Report},
+    run::report::{AdapterInfo, FrameReport, Report},
     taa::validation::Validation,
 };
 use sqlx::SqliteConnection;
@@ -400,18 +400,7 @@ impl Writer<'_> {
     }
 
     async fn environment(&mut self, environment: &Environment) -> Result<i64, StoreError> {
-        let adapter = &environment.adapter;
-        let adapter_id: i64 = sqlx::query_scalar(
-            "INSERT INTO adapters (name, backend, kind, driver, driver_version) VALUES (?, ?, ?, ?, ?)
-             ON CONFLICT DO UPDATE SET name = name RETURNING id",
-        )
-        .bind(&adapter.name)
-        .bind(&adapter.backend)
-        .bind(&adapter.kind)
-        .bind(&adapter.driver)
-        .bind(&adapter.driver_version)
-        .fetch_one(&mut *self.connection)
-        .await?;
+        let adapter_id = adapter_id(self.connection, &environment.adapter).await?;
         let id = sqlx::query_scalar(
             "INSERT INTO environments (adapter_id, os, clocks) VALUES (?, ?, ?)
              ON CONFLICT DO UPDATE SET os = os RETURNING id",
@@ -425,6 +414,22 @@ impl Writer<'_> {
     }
 }
 
+/// The row of an adapter, made at its first use.
+pub(super) async fn adapter_id(connection: &mut SqliteConnection, adapter: &AdapterInfo) -> Result<i64, StoreError> {
+    let id = sqlx::query_scalar(
+        "INSERT INTO adapters (name, backend, kind, driver, driver_version) VALUES (?, ?, ?, ?, ?)
+         ON CONFLICT DO UPDATE SET name = name RETURNING id",
+    )
+    .bind(&adapter.name)
+    .bind(&adapter.backend)
+    .bind(&adapter.kind)
+    .bind(&adapter.driver)
+    .bind(&adapter.driver_version)
+    .fetch_one(connection)
+    .await?;
+    Ok(id)
+}
+
 impl Store {
     /// Stores the reports of every preset and ends the job; gives the reports' numbers, in the order of presets.
     pub async fn finish(
@@ -435,32 +440,14 @@ impl Store {
         now: Timestamp,
     ) -> Result<Vec<i64>, StoreError> {
         let mut transaction = self.writer.begin().await?;
-        let done = sqlx::query(
-            "UPDATE jobs SET status = 'done', lease_until = NULL, finished_at = ?1, n_done = ?4, n_total = ?4
-             WHERE id = ?2 AND lease = ?3 AND status = 'running'",
-        )
-        .bind(now)
-        .bind(claim.job_id)
-        .bind(claim.lease)
-        // A short job may end before its progress was ever stored.
-        .bind(
-            report
-                .reports
-                .iter()
-                .map(|preset| {
-                    let validated = preset
-                        .validation
-                        .as_ref()
-                        .map_or(0, |validation| validation.frames.len());
-                    (preset.frames.len() + validated) as i64
-                })
-                .sum::<i64>(),
-        )
-        .execute(&mut *transaction)
-        .await?;
-        if done.rows_affected() == 0 {
-            return Err(StoreError::ClaimLost(claim.job_id));
-        }
+        let n_frames = report.reports.iter().map(|preset| {
+            let validated = preset
+                .validation
+                .as_ref()
+                .map_or(0, |validation| validation.frames.len());
+            preset.frames.len() + validated
+        });
+        claim.end(&mut transaction, n_frames.sum(), now).await?;
         let mut memory = Memory::default();
         let mut writer = Writer {
             connection: &mut transaction,

@@ -13,6 +13,7 @@ use super::{
 };
 use crate::{
     gpu::GpuError,
+    hex::hex,
     image::Image,
     sequence::Frame,
     taa::{
@@ -90,7 +91,7 @@ fn digest(left: &Left) -> String {
     use sha2::Digest;
     let mut hash = sha2::Sha256::new();
     hash.update(bytemuck::cast_slice::<_, u8>(left.shown.pixels()));
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&hash.finalize())
 }
 
 /// Sums over all frames of a cell.

@@ -169,6 +169,39 @@ impl Setup<'_> {
             asks,
         }
     }
+
+    /// A scene at rest whose [`BAD_FRAME`] is disturbed in the input texels of `area`.
+    pub fn recovery(
+        &self,
+        sizes: Sizes,
+        area: [[u32; 2]; 2],
+        disturb: impl Fn(&mut Frame) + Send + Sync + 'static,
+    ) -> Scenario {
+        let seed = self.seed;
+        let undisturbed: Frames = Arc::new(move |index| still(sizes, index, seed));
+        let asks = Asks::Recovery {
+            undisturbed: Arc::clone(&undisturbed),
+            frame: BAD_FRAME,
+            area,
+        };
+        self.scenario(sizes, self.frames(200, 64).max(BAD_FRAME + 2), asks, move |index| {
+            let mut frame = undisturbed(index);
+            if index == BAD_FRAME {
+                disturb(&mut frame);
+            }
+            frame
+        })
+    }
+}
+
+/// The frame that is disturbed.
+pub const BAD_FRAME: usize = 6;
+
+/// The texel in the middle of a frame as an area; of a checkerboard's [`BAD_FRAME`], one that is shaded.
+pub fn middle(extent: Extent) -> [[u32; 2]; 2] {
+    let [x, y] = [extent.width / 2, extent.height / 2];
+    let x = x.saturating_sub((x + y + BAD_FRAME as u32) % 2);
+    [[x, y], [x + 1, y + 1]]
 }
 
 impl Segment {

@@ -5,8 +5,8 @@
 //! for are taken back, the smallest first. Matteson and James, "A Nonparametric Approach for Multiple Change Point
 //! Analysis of Multivariate Data", 2014, with α = 1.
 
-use super::{ChangeRule, random::Random};
-use crate::run::median;
+use super::ChangeRule;
+use crate::{random::Random, statistics::median};
 
 /// Shuffles that a significance test makes: the smallest probability that can be told is 0.002.
 const N_SHUFFLES: usize = 499;
@@ -90,6 +90,13 @@ fn levels(values: &[f64], cuts: &[(usize, f64)]) -> Vec<ChangePoint> {
         .collect()
 }
 
+/// Fisher and Yates.
+fn shuffle(random: &mut Random, values: &mut [f64]) {
+    for last in (1..values.len()).rev() {
+        values.swap(last, random.below(last + 1));
+    }
+}
+
 /// The best cut of a part, if chance seldom makes one as good.
 fn cut(values: &[f64], rule: &ChangeRule) -> Option<(usize, f64)> {
     let (index, energy) = best_cut(values, rule.min_segment)?;
@@ -102,7 +109,7 @@ fn cut(values: &[f64], rule: &ChangeRule) -> Option<(usize, f64)> {
     let allowed = (rule.p * (N_SHUFFLES + 1) as f64) as usize;
     let mut n_as_good = 1;
     for _ in 0..N_SHUFFLES {
-        random.shuffle(&mut shuffled);
+        shuffle(&mut random, &mut shuffled);
         if best_cut(&shuffled, rule.min_segment).is_some_and(|(_, other)| other >= energy) {
             n_as_good += 1;
             if n_as_good > allowed {

@@ -6,7 +6,8 @@
 use super::{Checks, Rules, change};
 use crate::{
     metrics::{Better, Value},
-    run::{median, report::FrameReport},
+    run::report::FrameReport,
+    statistics::median,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,6 @@
 
 pub mod change;
 mod judge;
-mod random;
 mod rules;
 
 pub use judge::{Approved, Check, Finding, Kind, Line, Outcome, Past, overall, worst_frames};

@@ -2,6 +2,7 @@
 
 use super::layout::PageError;
 use crate::{
+    hex::hex,
     image::{Extent, Image, files::png::encode_png},
     metrics::map::false_color,
 };
@@ -11,7 +12,7 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use sha2::{Digest as _, Sha256};
-use std::{borrow::Cow, fmt::Write as _, sync::LazyLock};
+use std::{borrow::Cow, sync::LazyLock};
 
 struct Asset {
     name: &'static str,
@@ -59,10 +60,7 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
     for asset in ASSETS.iter() {
         hash.update(&asset.content);
     }
-    hash.finalize().iter().take(6).fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    hex(&hash.finalize()[..6])
 });
 
 /// The colours of error images, from 0 to white.

@@ -6,8 +6,9 @@ use afterimage::{
     gpu::Gpu,
     image::{Image, files::Backend},
     metrics::Value,
-    run::{self, Observer, median, report::PresetReport, report::Report},
+    run::{self, Observer, report::PresetReport, report::Report},
     sequence::{Sequence, frame::Rgb},
+    statistics::median,
     verdict::{Approved, Line, Outcome, Rules, better, overall, worst_frames},
 };
 use anyhow::Context;

@@ -84,39 +84,29 @@ pub fn resampling(lab: &Lab<'_>) -> Result<Finding, PaperError> {
         ));
         orderings.push(order(case, &[3, 4], format!("BFECC improves on bilinear ({name})")));
     }
+    // What is better comes first, each a name and its place in `CASES`.
+    let pair = |claim: String, index: usize, entries: [(usize, &str); 2]| Ordering {
+        claim,
+        measure: "PSNR of linear colour, dB",
+        higher_is_better: true,
+        tie: 0.1,
+        entries: entries
+            .map(|(case, name)| Entry {
+                system: name.to_owned(),
+                ours: by_filter[index][case],
+                published: None,
+            })
+            .into(),
+        trials: vec![],
+        reason: "",
+    };
     for (index, (label, _)) in FILTERS.iter().enumerate().skip(1) {
-        orderings.push(Ordering {
-            claim: format!("new input in every frame makes up for some of the blur of {label}"),
-            measure: "PSNR of linear colour, dB",
-            higher_is_better: true,
-            tie: 0.1,
-            entries: [(2, "α = 0.1"), (1, "not blended")]
-                .map(|(case, name)| Entry {
-                    system: name.to_owned(),
-                    ours: by_filter[index][case],
-                    published: None,
-                })
-                .into(),
-            trials: vec![],
-            reason: "",
-        });
+        let claim = format!("new input in every frame makes up for some of the blur of {label}");
+        orderings.push(pair(claim, index, [(2, "α = 0.1"), (1, "not blended")]));
     }
     for (index, (label, _)) in FILTERS.iter().enumerate() {
-        orderings.push(Ordering {
-            claim: format!("half a pixel is the worst case of {label}"),
-            measure: "PSNR of linear colour, dB",
-            higher_is_better: true,
-            tie: 0.1,
-            entries: [(1, "random"), (0, "half a pixel")]
-                .map(|(case, name)| Entry {
-                    system: name.to_owned(),
-                    ours: by_filter[index][case],
-                    published: None,
-                })
-                .into(),
-            trials: vec![],
-            reason: "",
-        });
+        let claim = format!("half a pixel is the worst case of {label}");
+        orderings.push(pair(claim, index, [(1, "random"), (0, "half a pixel")]));
     }
     let rows = FILTERS.iter().zip(&by_filter);
     let rows = rows.map(|((label, _), values)| ((*label).to_owned(), values.iter().copied().map(Cell::ours).collect()));

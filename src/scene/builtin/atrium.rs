@@ -1,11 +1,13 @@
 //! A hall with two storeys of columns around a court that the sun looks into.
 
 use super::parts::{bars, block, bricks, leaves, plaster, tiles};
-use crate::scene::{
-    mesh::placed,
-    model::{Lighting, Material, Mesh, PointLight, Pose, Scene, ShadowRegion},
+use crate::{
     random::Random,
-    texture::{Mips, blend},
+    scene::{
+        mesh::placed,
+        model::{Lighting, Material, Mesh, PointLight, Pose, Scene, ShadowRegion},
+        texture::{Mips, blend},
+    },
 };
 use glam::{DMat4, DVec2, DVec3};
 

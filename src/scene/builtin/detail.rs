@@ -4,11 +4,13 @@ use super::{
     font,
     parts::{bricks, ground, leaves, plaster},
 };
-use crate::scene::{
-    mesh::placed,
-    model::{Lighting, Mesh, Placement, Pose, Scene},
+use crate::{
     random::Random,
-    texture::{Mips, Texel},
+    scene::{
+        mesh::placed,
+        model::{Lighting, Mesh, Placement, Pose, Scene},
+        texture::{Mips, Texel},
+    },
 };
 use glam::{DMat4, DVec2, DVec3};
 use std::f64::consts::TAU;

@@ -1,11 +1,13 @@
 //! Hard edges: pipes, blinds, windows, wires, checkers, a town far away.
 
 use super::parts::{bar, bars, block, bricks, ground, plaster, wood};
-use crate::scene::{
-    mesh::placed,
-    model::{Filter, Lighting, Material, Mesh, Pose, Scene, ShadowRegion},
+use crate::{
     random::Random,
-    texture::Mips,
+    scene::{
+        mesh::placed,
+        model::{Filter, Lighting, Material, Mesh, Pose, Scene, ShadowRegion},
+        texture::Mips,
+    },
 };
 use glam::{DMat4, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};

@@ -1,10 +1,12 @@
 //! Trees and bushes of cut-out leaves that sway.
 
 use super::parts::{ground, leaves, wood};
-use crate::scene::{
-    mesh::placed,
-    model::{Lighting, Mesh, Placement, Pose, Scene, ShadowRegion},
+use crate::{
     random::Random,
+    scene::{
+        mesh::placed,
+        model::{Lighting, Mesh, Placement, Pose, Scene, ShadowRegion},
+    },
 };
 use glam::{DMat4, DVec2, DVec3};
 use std::f64::consts::TAU;

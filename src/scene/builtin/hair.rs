@@ -1,10 +1,12 @@
 //! A ball of hair: strands about as wide as a pixel, seen against each other or against the sky.
 
 use super::parts::{checker, plaster};
-use crate::scene::{
-    mesh::placed,
-    model::{Lighting, Material, Mesh, Pose, Scene, ShadowRegion},
+use crate::{
     random::Random,
+    scene::{
+        mesh::placed,
+        model::{Lighting, Material, Mesh, Pose, Scene, ShadowRegion},
+    },
 };
 use glam::{DMat4, DVec2, DVec3};
 

@@ -4,11 +4,13 @@ use super::{
     parts::plaster,
     simple::{room, smoke},
 };
-use crate::scene::{
-    mesh::placed,
-    model::{Alpha, Lighting, Material, Mesh, PointLight, Pose, Scene},
+use crate::{
     random::{Random, lattice},
-    texture::Mips,
+    scene::{
+        mesh::placed,
+        model::{Alpha, Lighting, Material, Mesh, PointLight, Pose, Scene},
+        texture::Mips,
+    },
 };
 use glam::{DMat4, DVec3};
 

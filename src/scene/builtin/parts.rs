@@ -1,9 +1,11 @@
 //! Textures and shapes that several scenes use.
 
-use crate::scene::{
-    model::{Alpha, Material, Mesh, Scene},
+use crate::{
     random::{Random, lattice},
-    texture::{Mips, Texel, blend, fractal_noise},
+    scene::{
+        model::{Alpha, Material, Mesh, Scene},
+        texture::{Mips, Texel, blend, fractal_noise},
+    },
 };
 use glam::{DMat4, DVec2, DVec3};
 

@@ -1,10 +1,12 @@
 //! A ship of panels, pipes and antennae before the stars.
 
 use super::parts::{bar, bars, plaster};
-use crate::scene::{
-    mesh::placed,
-    model::{Lighting, Material, Mesh, PointLight, Pose, Scene},
+use crate::{
     random::Random,
+    scene::{
+        mesh::placed,
+        model::{Lighting, Material, Mesh, PointLight, Pose, Scene},
+    },
 };
 use glam::{DMat4, DVec3};
 

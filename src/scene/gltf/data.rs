@@ -1,7 +1,10 @@
 //! What a glTF file refers to: buffers, the numbers in them, images. Everything is checked before it is read, because a file
 //! from elsewhere may say anything.
 
-use crate::image::{Extent, Image};
+use crate::{
+    hex::hex,
+    image::{Extent, Image},
+};
 use base64::Engine as _;
 use gltf::{
     Accessor, Document,
@@ -64,8 +67,7 @@ impl Data {
 
     /// SHA-256 of the file and all files that it names.
     pub fn sha256(&self) -> String {
-        let digest = self.digest.clone().finalize();
-        digest.iter().map(|byte| format!("{byte:02x}")).collect()
+        hex(&self.digest.clone().finalize())
     }
 
     fn read_buffers(&mut self, folder: &Path, mut blob: Option<Vec<u8>>) -> Result<(), String> {

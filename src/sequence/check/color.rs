@@ -8,7 +8,6 @@ mod averages;
 
 use super::{
     Belief,
-    fit::median,
     observe::{Grid, Guide, spread},
     plane::luma,
     report::{Finding, Report},
@@ -22,6 +21,7 @@ use crate::{
         frame::Rgb,
         manifest::{ColorSource, Manifest, Transfer},
     },
+    statistics::median,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -222,8 +222,8 @@ impl Apart {
             .iter()
             .filter_map(|flat| reading.ratio(flat, nits_per_unit))
             .collect();
-        let gain = median(&mut ratios.clone());
-        let from = |centre: f64| median(&mut ratios.iter().map(|ratio| (ratio - centre).abs()).collect::<Vec<_>>());
+        let gain = median(&ratios.clone());
+        let from = |centre: f64| median(&ratios.iter().map(|ratio| (ratio - centre).abs()).collect::<Vec<_>>());
         let usable = ratios.len() * 2 >= flats.len() && !gain.is_nan();
         Self {
             error: if usable { from(0.0) } else { f64::INFINITY },

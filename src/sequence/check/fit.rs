@@ -162,12 +162,3 @@ impl Errors {
         (0..n).min_by(|&a, &b| self.sum(a).total_cmp(&self.sum(b))).unwrap_or(0)
     }
 }
-
-/// The median; NaN of nothing.
-pub fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}

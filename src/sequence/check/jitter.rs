@@ -5,14 +5,17 @@
 
 use super::{
     Belief,
-    fit::{self, Shift, median},
+    fit::{self, Shift},
     observe::{Grid, Guide, N_TILES, View, spread},
     report::{Finding, Report},
 };
-use crate::sequence::{
-    SequenceError,
-    convention::jitter_px,
-    manifest::{JitterConvention, JitterMeaning, JitterUnits, Manifest, YAxis},
+use crate::{
+    sequence::{
+        SequenceError,
+        convention::jitter_px,
+        manifest::{JitterConvention, JitterMeaning, JitterUnits, Manifest, YAxis},
+    },
+    statistics::median,
 };
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -232,16 +235,16 @@ pub fn misfit(measured: &[Measured], expected: impl Fn(usize) -> Option<[f64; 2]
     let mut offset = [0.0; 2];
     if free_offset {
         for (axis, offset) in offset.iter_mut().enumerate() {
-            *offset = median(&mut residuals.iter().map(|r| r[axis]).collect::<Vec<_>>());
+            *offset = median(&residuals.iter().map(|r| r[axis]).collect::<Vec<_>>());
         }
     }
     // The median of squares: a frame that is a mistake of its own must not decide about all.
-    let mut squares: Vec<f64> = residuals
+    let squares: Vec<f64> = residuals
         .iter()
         .map(|r| (r[0] - offset[0]).powi(2) + (r[1] - offset[1]).powi(2))
         .collect();
     Misfit {
-        rms: median(&mut squares).sqrt(),
+        rms: median(&squares).sqrt(),
         offset,
     }
 }
@@ -384,7 +387,7 @@ impl Judged {
 
 fn sigma(measured: &[Measured]) -> f64 {
     let sigmas = measured.iter().map(|m| m.shift.sigma[0].max(m.shift.sigma[1]));
-    median(&mut sigmas.collect::<Vec<_>>())
+    median(&sigmas.collect::<Vec<_>>())
 }
 
 /// Chooses among the readings by what was measured in at least one frame. Gives what is left by the one believed.

@@ -8,12 +8,15 @@ pub use pair::Pair;
 
 use super::{
     Belief,
-    fit::{Errors, Gain, median},
+    fit::{Errors, Gain},
     jitter::{self, MAX_SIGMA, Measured},
     observe::{Guide, motion_decoder, pairs},
     report::{Finding, Report},
 };
-use crate::sequence::{Manifest, SequenceError, manifest::MotionSource};
+use crate::{
+    sequence::{Manifest, SequenceError, manifest::MotionSource},
+    statistics::median,
+};
 use rayon::prelude::*;
 use readings::{Reading, change, readings, with};
 use serde_json::json;
@@ -192,7 +195,7 @@ fn unbiased(belief: &Belief, declared: &Reading, frames: &[usize]) -> Result<Opt
     if measured.len() < 2 {
         return Ok(None);
     }
-    let mean = |axis: usize| median(&mut measured.iter().map(|m| m.shift.by[axis]).collect::<Vec<_>>());
+    let mean = |axis: usize| median(&measured.iter().map(|m| m.shift.by[axis]).collect::<Vec<_>>());
     let shift = [mean(0), mean(1)];
     if shift[0].hypot(shift[1]) < BIAS {
         return Ok(None);

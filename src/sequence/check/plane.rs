@@ -40,9 +40,9 @@ impl Tone {
     }
 }
 
+/// Luminance of linear light.
 pub fn luma(rgb: Rgb) -> f64 {
-    let [r, g, b] = rgb.map(f64::from);
-    0.2126 * r + 0.7152 * g + 0.0722 * b
+    crate::metrics::display::luma(rgb.map(f64::from))
 }
 
 impl Plane {

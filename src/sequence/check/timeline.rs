@@ -2,12 +2,12 @@
 
 use super::{
     Belief,
-    fit::{Errors, median},
+    fit::Errors,
     motion::Pair,
     observe::{Grid, Guide, N_TILES, View, spread},
     report::{Finding, Report},
 };
-use crate::sequence::SequenceError;
+use crate::{sequence::SequenceError, statistics::median};
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -73,7 +73,7 @@ pub fn cuts(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
     if usual.is_nan() {
         return Ok(());
     }
-    let scatter = median(&mut known.iter().map(|(_, share)| (share - usual).abs()).collect::<Vec<_>>()).max(0.01);
+    let scatter = median(&known.iter().map(|(_, share)| (share - usual).abs()).collect::<Vec<_>>()).max(0.01);
     for (index, share) in known {
         let finding = if !resets(index) && share > CUT.max(2.0 * usual) && share > usual + 9.0 * scatter {
             Finding::warning(

@@ -1,14 +1,12 @@
 //! Motion vectors, depths and whatever else comes with colour, as no engine should write it, and at the edges of what it may.
 
-use super::super::scenario::{Asks, Built, Hazard, NotRun, Scenario, Segment, Setup, halton_px, moving, noise, still};
+use super::super::scenario::{Asks, Built, Hazard, NotRun, Setup, halton_px, middle, moving, noise};
 use crate::{
     image::{Extent, Image},
     sequence::Frame,
 };
-use std::sync::Arc;
 
 const EXTENT: Extent = Extent::new(24, 18);
-const BAD_FRAME: usize = 6;
 
 pub const HAZARDS: &[Hazard] = &[
     Hazard {
@@ -182,33 +180,14 @@ pub const HAZARDS: &[Hazard] = &[
 
 fn one_vector(setup: &Setup<'_>, vector: [f32; 2]) -> Built {
     let sizes = setup.sizes(EXTENT)?;
-    let seed = setup.seed;
-    let at = [sizes.render.width / 2, sizes.render.height / 2];
-    // Where the frame is a checkerboard, a texel that is shaded.
-    let at = [at[0].saturating_sub((at[0] + at[1] + BAD_FRAME as u32) % 2), at[1]];
-    let undisturbed = Arc::new(move |index| still(sizes, index, seed));
-    let frames = {
-        let undisturbed = Arc::clone(&undisturbed);
-        move |index| {
-            let mut frame: Frame = undisturbed(index);
-            if let Some(motion) = frame.motion_px.as_mut().filter(|_| index == BAD_FRAME) {
-                motion.pixels_mut()[(at[1] * sizes.render.width + at[0]) as usize] = vector;
-            }
-            frame
+    let area = middle(sizes.render);
+    let [x, y] = area[0];
+    let at = (y * sizes.render.width + x) as usize;
+    Ok(setup.recovery(sizes, area, move |frame| {
+        if let Some(motion) = &mut frame.motion_px {
+            motion.pixels_mut()[at] = vector;
         }
-    };
-    Ok(Scenario {
-        segments: vec![Segment {
-            sizes,
-            n_frames: setup.frames(200, 64).max(BAD_FRAME + 2),
-            frames: Arc::new(frames),
-        }],
-        asks: Asks::Recovery {
-            undisturbed,
-            frame: BAD_FRAME,
-            area: [at, [at[0] + 1, at[1] + 1]],
-        },
-    })
+    }))
 }
 
 /// A jittered scene that drifts a little, changed in every frame.

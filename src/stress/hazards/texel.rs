@@ -1,15 +1,12 @@
 //! Texels that no colour should have, alone, in rows and tiles, everywhere and all the time.
 
-use super::super::scenario::{Asks, Built, Hazard, Scenario, Segment, Setup, blank, still};
+use super::super::scenario::{Asks, Built, Hazard, Setup, blank, middle, still};
 use crate::{
     image::{Extent, Image},
     sequence::frame::Rgb,
 };
-use std::sync::Arc;
 
 const EXTENT: Extent = Extent::new(24, 18);
-/// The frame with the bad texels.
-const BAD_FRAME: usize = 6;
 
 pub const HAZARDS: &[Hazard] = &[
     Hazard {
@@ -149,46 +146,20 @@ fn palette(n: u32) -> Rgb {
 }
 
 fn one(setup: &Setup<'_>, color: Rgb) -> Built {
-    let extent = setup.size.unwrap_or(EXTENT);
-    // In a checkerboard's frame it must be one that was shaded.
-    let at = [extent.width / 2, extent.height / 2];
-    let at = [at[0].saturating_sub((at[0] + at[1] + BAD_FRAME as u32) % 2), at[1]];
-    area(setup, [at, [at[0] + 1, at[1] + 1]], move |_| color)
+    area(setup, middle(setup.size.unwrap_or(EXTENT)), move |_| color)
 }
 
 /// A scene at rest in which the texels of `area` are bad for one frame.
 fn area(setup: &Setup<'_>, area: [[u32; 2]; 2], color: impl Fn(u32) -> Rgb + Send + Sync + 'static) -> Built {
     let sizes = setup.sizes(EXTENT)?;
-    let seed = setup.seed;
-    let undisturbed = Arc::new(move |index| still(sizes, index, seed));
-    let frames = {
-        let undisturbed = Arc::clone(&undisturbed);
-        move |index| {
-            let mut frame = undisturbed(index);
-            if index == BAD_FRAME {
-                let width = sizes.render.width;
-                for y in area[0][1]..area[1][1] {
-                    for x in area[0][0]..area[1][0] {
-                        let i = y * width + x;
-                        frame.color.pixels_mut()[i as usize] = color(i);
-                    }
-                }
+    Ok(setup.recovery(sizes, area, move |frame| {
+        for y in area[0][1]..area[1][1] {
+            for x in area[0][0]..area[1][0] {
+                let i = y * sizes.render.width + x;
+                frame.color.pixels_mut()[i as usize] = color(i);
             }
-            frame
         }
-    };
-    Ok(Scenario {
-        segments: vec![Segment {
-            sizes,
-            n_frames: setup.frames(200, 64).max(BAD_FRAME + 2),
-            frames: Arc::new(frames),
-        }],
-        asks: Asks::Recovery {
-            undisturbed,
-            frame: BAD_FRAME,
-            area,
-        },
-    })
+    }))
 }
 
 fn every_frame(setup: &Setup<'_>, one_in: u32) -> Built {

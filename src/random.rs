@@ -1,4 +1,4 @@
-//! Repeatable chance: the same seed gives the same scene on every platform.
+//! Repeatable chance: the same seed gives the same scene and the same verdict on every platform.
 
 /// SplitMix64, after Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014.
 #[derive(Clone, Debug)]
