@@ -96,7 +96,7 @@ fn picture(extent: Extent, offset_px: [f64; 2]) -> Image<Rgb> {
                 *sum += value * amplitude;
             }
         }
-        sums.map(|sum| (0.5 + 0.1 * sum) as f32)
+        sums.map(|sum| (0.5 + 0.08 * sum) as f32)
     })
 }
 

@@ -247,6 +247,45 @@ fn center<T: Copy + Send + Sync>(image: &Image<T>) -> T {
     image.at(SIZE.width / 2, SIZE.height / 2)
 }
 
+/// The square without light, with an image on it.
+fn textured(image: &image::RgbImage) -> File {
+    let mut file = File::new();
+    let mut png = Vec::new();
+    image
+        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+        .unwrap();
+    file.json["images"] = json!([{"uri": data_uri(&png).replace("octet-stream", "png"), "mimeType": "image/png"}]);
+    file.json["textures"] = json!([{"source": 0}]);
+    file.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": 0});
+    file.json["materials"][0]["extensions"] = json!({"KHR_materials_unlit": {}});
+    file.json["extensionsUsed"] = json!(["KHR_materials_unlit", "KHR_texture_transform"]);
+    file
+}
+
+#[test]
+fn textures_turn_as_their_extension_says() {
+    // Of the four quarters only the lower left is white.
+    let image = image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([if x < 32 && y >= 32 { 255 } else { 0 }; 3]));
+    let quarters = |file: &File| {
+        let frame = &frames(file, 1)[0];
+        let (x, y) = (SIZE.width / 2, SIZE.height / 2);
+        let color = |dx: i32, dy: i32| frame.albedo.at(x.strict_add_signed(dx), y.strict_add_signed(dy))[0] > 0.4;
+        // Upper left, upper right, lower left, lower right.
+        [color(-10, -10), color(10, -10), color(-10, 10), color(10, 10)]
+    };
+    let mut file = textured(&image);
+    assert_eq!(quarters(&file), [false, false, true, false]);
+    let texture = |file: &mut File, transform: Value| {
+        file.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] =
+            json!({"KHR_texture_transform": transform});
+    };
+    // Coordinates turn counter-clockwise, and the image with the clock.
+    texture(&mut file, json!({"rotation": std::f64::consts::FRAC_PI_2}));
+    assert_eq!(quarters(&file), [true, false, false, false]);
+    texture(&mut file, json!({"offset": [0.5, 0.0]}));
+    assert_eq!(quarters(&file), [false, false, false, true]);
+}
+
 #[test]
 fn depth_and_colour_are_those_of_the_file() {
     let frame = &frames(&File::new(), 1)[0];
@@ -259,17 +298,10 @@ fn depth_and_colour_are_those_of_the_file() {
         center(&frame.albedo)
     );
     // Unlit, with a texture of one colour: code 188 is half of the light.
-    let mut file = File::new();
-    let mut png = Vec::new();
-    image::RgbImage::from_pixel(2, 2, image::Rgb([188, 255, 0]))
-        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
-        .unwrap();
-    file.json["images"] = json!([{"uri": data_uri(&png).replace("octet-stream", "png"), "mimeType": "image/png"}]);
-    file.json["textures"] = json!([{"source": 0}]);
-    file.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": 0});
-    file.json["materials"][0]["extensions"] = json!({"KHR_materials_unlit": {}});
-    file.json["extensionsUsed"] = json!(["KHR_materials_unlit"]);
-    let frame = &frames(&file, 1)[0];
+    let frame = &frames(
+        &textured(&image::RgbImage::from_pixel(2, 2, image::Rgb([188, 255, 0]))),
+        1,
+    )[0];
     assert!(
         near(center(&frame.color), [0.4006, 0.4, 0.0]),
         "{:?}",

@@ -192,15 +192,15 @@ impl Data {
         Ok(elements)
     }
 
-    /// An image's texels as stored, red, green, blue and alpha in 0 to 1.
-    pub fn image(&self, index: usize) -> Result<Image<[f32; 4]>, String> {
+    /// An image's texels as stored: red, green, blue and alpha.
+    pub fn image(&self, index: usize) -> Result<Image<[u8; 4]>, String> {
         let what = |error: String| format!("image {index}: {error}");
         let mut reader = image::ImageReader::new(std::io::Cursor::new(&self.images[index]));
         let mut limits = image::Limits::default();
         (limits.max_image_width, limits.max_image_height) = (Some(MAX_TEXTURE_SIDE), Some(MAX_TEXTURE_SIDE));
         reader.limits(limits);
         let reader = reader.with_guessed_format().map_err(|error| what(error.to_string()))?;
-        let decoded = reader.decode().map_err(|error| what(error.to_string()))?.into_rgba32f();
+        let decoded = reader.decode().map_err(|error| what(error.to_string()))?.into_rgba8();
         let extent = Extent::new(decoded.width(), decoded.height());
         Ok(Image::from_pixels(
             extent,

@@ -7,7 +7,7 @@ use crate::{
     metrics::srgb,
     scene::{
         model::{Alpha, Material, Scene},
-        texture::{Mips, Texel},
+        texture::Mips,
     },
 };
 use glam::{Mat3, Vec2};
@@ -75,10 +75,10 @@ impl Looks {
         if let Some(known) = self.textures.get(&image) {
             return Ok(*known);
         }
-        let stored = data.image(image)?;
-        let linear = stored.map(|[r, g, b, a]| {
-            let [r, g, b] = [r, g, b].map(|c| srgb::decode(f64::from(c)) as f32);
-            [r, g, b, a]
+        let decoded: [f32; 256] = std::array::from_fn(|code| srgb::decode(code as f64 / 255.0) as f32);
+        let linear = data.image(image)?.map(|[r, g, b, a]| {
+            let [r, g, b] = [r, g, b].map(|code| decoded[usize::from(code)]);
+            [r, g, b, f32::from(a) / 255.0]
         });
         let index = scene.texture(Mips::new(linear));
         self.textures.insert(image, index);
@@ -95,7 +95,7 @@ pub fn texture_coordinates(of: &gltf::Material<'_>) -> (u32, TextureMatrix) {
         None => (info.tex_coord(), Mat3::IDENTITY),
         Some(transform) => (
             transform.tex_coord().unwrap_or(info.tex_coord()),
-            // v runs down, which turns the sense of the angle.
+            // Counter-clockwise as seen, as the extension says in words; v runs down, which turns the angle's sense.
             Mat3::from_scale_angle_translation(
                 Vec2::from(transform.scale()),
                 -transform.rotation(),
@@ -105,9 +105,10 @@ pub fn texture_coordinates(of: &gltf::Material<'_>) -> (u32, TextureMatrix) {
     }
 }
 
-fn mean(image: &Image<Texel>) -> [f32; 4] {
+/// Of the texels as stored, in 0 to 1.
+fn mean(image: &Image<[u8; 4]>) -> [f32; 4] {
     let sum = image.pixels().iter().fold([0.0; 4], |sum: [f64; 4], texel| {
         std::array::from_fn(|i| sum[i] + f64::from(texel[i]))
     });
-    sum.map(|c| (c / image.pixels().len() as f64) as f32)
+    sum.map(|c| (c / (255.0 * image.pixels().len() as f64)) as f32)
 }

@@ -64,7 +64,7 @@ pub fn cuts(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
         .filter_map(|(index, share)| Some((index, share?)))
         .collect();
     let usual = median(
-        &mut known
+        &known
             .iter()
             .filter(|(index, _)| !resets(*index))
             .map(|(_, share)| *share)
