@@ -17,7 +17,7 @@ use afterimage::{
     run::{self, MetricsOn, Observer, PresetSpec, RunSpec, Validate},
     sequence::{Frame, Sequence, Sizes, frame::Rgb},
     taa::{
-        Inputs, Precision, Preset, Repeat, Resolver,
+        Inputs, Precision, Preset, Repeat, Resolver, Skip,
         reference::{Twin, real::Real},
     },
 };
@@ -49,6 +49,8 @@ fn spec(presets: &[&str], history: Precision) -> RunSpec {
         repeat: 1,
         metrics_on: MetricsOn::Auto,
         validate: Validate::No,
+        until: None,
+        skip: Skip::Off,
     }
 }
 

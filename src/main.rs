@@ -23,6 +23,7 @@ struct Arguments {
 enum Command {
     Run(cli::run::Arguments),
     Bake(cli::bake::Arguments),
+    Bench(cli::bench::Arguments),
     Compare(cli::compare::Arguments),
     Check(cli::check::Arguments),
     Ci(cli::ci::Arguments),
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
     let outcome = match arguments.command {
         Command::Run(arguments) => cli::run::run(&arguments),
         Command::Bake(arguments) => cli::bake::run(&arguments),
+        Command::Bench(arguments) => cli::bench::run(&arguments),
         Command::Compare(arguments) => cli::compare::run(&arguments),
         Command::Check(arguments) => cli::check::run(&arguments),
         Command::Stress(arguments) => cli::stress::run(&arguments),

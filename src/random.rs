@@ -34,6 +34,13 @@ impl Random {
         (self.unit() * n as f64) as usize
     }
 
+    /// Puts `values` in any order, all equally likely. Fisher and Yates.
+    pub fn shuffle<T>(&mut self, values: &mut [T]) {
+        for last in (1..values.len()).rev() {
+            values.swap(last, self.below(last + 1));
+        }
+    }
+
     /// A direction, all equally likely.
     pub fn direction(&mut self) -> glam::DVec3 {
         let z = self.between(-1.0, 1.0);

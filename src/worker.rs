@@ -5,6 +5,7 @@
 //! its end; the run looks at that answer between frames.
 
 use crate::{
+    bench::{self, BenchReport, BenchSpec},
     gpu::{Gpu, GpuError},
     image::{
         Image,
@@ -73,6 +74,12 @@ pub trait Runner: Send {
         let _ = (spec, observer);
         Err(RunError::Internal("this worker puts no recipe under stress".to_owned()))
     }
+
+    /// As [`bench::execute`].
+    fn bench(&mut self, sequence: &Path, spec: &BenchSpec, observer: &dyn Observer) -> Result<BenchReport, RunError> {
+        let _ = (sequence, spec, observer);
+        Err(RunError::Internal("this worker measures nothing".to_owned()))
+    }
 }
 
 /// Runs jobs on a GPU, which it opens anew after a failure.
@@ -94,12 +101,17 @@ impl GpuRunner {
 
 impl Runner for GpuRunner {
     fn run(&mut self, sequence: &Path, spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError> {
-        let sequence = Sequence::open(sequence, &self.reader).map_err(|error| RunError::Input(error.to_string()))?;
+        let sequence = Sequence::open(sequence, &self.reader)?;
         self.on_gpu(|gpu| run::execute(spec, &sequence, gpu, observer))
     }
 
     fn stress(&mut self, spec: &StressSpec, observer: &dyn stress::Observer) -> Result<StressReport, RunError> {
         self.on_gpu(|gpu| stress::execute(spec, gpu, observer))
+    }
+
+    fn bench(&mut self, sequence: &Path, spec: &BenchSpec, observer: &dyn Observer) -> Result<BenchReport, RunError> {
+        let sequence = Sequence::open(sequence, &self.reader)?;
+        self.on_gpu(|gpu| Ok(bench::execute(spec, &sequence, gpu, observer)?))
     }
 }
 
@@ -122,6 +134,7 @@ impl GpuRunner {
 enum Outcome {
     Reports(Report),
     Matrix(StressReport),
+    Front(BenchReport),
 }
 
 /// What the worker thread needs.
@@ -221,12 +234,18 @@ impl Worker {
         };
         let folder = self.folder.sequence(&claim.sequence_hash);
         let spec = &claim.spec;
-        let run = AssertUnwindSafe(|| match (&spec.stress, &spec.outputs) {
-            (Some(stress), _) => runner.stress(stress, &observer).map(Outcome::Matrix),
-            (None, Some(outputs)) => self
-                .compare(&folder, &spec.run, outputs, &observer)
-                .map(Outcome::Reports),
-            (None, None) => runner.run(&folder, &spec.run, &observer).map(Outcome::Reports),
+        let run = AssertUnwindSafe(|| {
+            if let Some(stress) = &spec.stress {
+                return runner.stress(stress, &observer).map(Outcome::Matrix);
+            }
+            if let Some(bench) = &spec.bench {
+                return runner.bench(&folder, bench, &observer).map(Outcome::Front);
+            }
+            let reports = match &spec.outputs {
+                Some(outputs) => self.compare(&folder, &spec.run, outputs, &observer),
+                None => runner.run(&folder, &spec.run, &observer),
+            };
+            reports.map(Outcome::Reports)
         });
         catch_unwind(run).unwrap_or_else(|panic| Err(RunError::Internal(panic_message(&*panic).to_owned())))
     }
@@ -264,6 +283,10 @@ impl Worker {
             }
             Ok(Outcome::Matrix(report)) => {
                 self.store.finish_stress(claim, report, now).await?;
+                return Ok(Status::Done);
+            }
+            Ok(Outcome::Front(report)) => {
+                self.store.finish_bench(claim, report, now).await?;
                 return Ok(Status::Done);
             }
             Err(RunError::Cancelled) if progress.cancelled.load(Relaxed) => {

@@ -120,6 +120,79 @@ class AlertPage(TypedDict):
     #: Where the next page begins; none after the last.
     next_cursor: Union["Cursor", None]
 
+class BenchPage(TypedDict):
+    """A page of benchmarks."""
+
+    #: Where the next page begins; none after the last.
+    next_cursor: Union["Cursor", None]
+    #: Newest job first.
+    runs: List["BenchRun"]
+
+#: The body of `POST /bench`.
+BenchRequest = TypedDict('BenchRequest', {'bench': "BenchSpecInput", 'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'from': NotRequired[Union["DepartureInput", None]], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'parent': NotRequired[Union[str, None]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'sequence': str})
+
+class BenchRun(TypedDict):
+    """A stored benchmark."""
+
+    #: What resolved it.
+    adapter: "AdapterInfo"
+    #: What a time is.
+    clock: "Clock"
+    #: When it was stored.
+    created_at: "Timestamp"
+    #: Its job, by which it is asked for.
+    job_id: int
+    #: Settings that make no sense or cannot run on this sequence, and why.
+    left_out: List[str]
+    #: What the front is drawn on.
+    metric: "MetricId"
+    #: What the same setting measured twice differs by.
+    noise: "Noise"
+    #: Each setting, in the order of presets and knobs.
+    points: List["Point2"]
+    #: Git revision of the build.
+    revision: str
+    #: What was resolved.
+    sequence: "SequenceInfo"
+    #: Content hash of the sequence.
+    sequence_hash: str
+
+class BenchSpec(TypedDict):
+    """What to measure on a sequence."""
+
+    #: How history is stored unless a knob says so.
+    history: "Precision"
+    #: Values to try, by the name of a recipe's parameter, or `history`, `skip` or `workgroup`; all combinations are.
+    knobs: Dict[str, List[Any]]
+    #: The metric that the front is drawn on; one of `metrics`.
+    metric: "MetricId"
+    #: Which metrics; none where the sequence has no reference.
+    metrics: List["MetricId"]
+    #: Only the first so many frames.
+    n_frames: Union[int, None]
+    #: The least number of timed frames, 20 to 1000; frames in warm-up do not count.
+    n_timed: int
+    #: Which systems.
+    presets: List["PresetSpec"]
+
+class BenchSpecInput(TypedDict):
+    """What to measure on a sequence."""
+
+    #: How history is stored unless a knob says so.
+    history: NotRequired["Precision"]
+    #: Values to try, by the name of a recipe's parameter, or `history`, `skip` or `workgroup`; all combinations are.
+    knobs: NotRequired[Dict[str, List[Any]]]
+    #: The metric that the front is drawn on; one of `metrics`.
+    metric: "MetricId"
+    #: Which metrics; none where the sequence has no reference.
+    metrics: List["MetricId"]
+    #: Only the first so many frames.
+    n_frames: NotRequired[Union[int, None]]
+    #: The least number of timed frames, 20 to 1000; frames in warm-up do not count.
+    n_timed: NotRequired[int]
+    #: Which systems.
+    presets: List["PresetSpecInput"]
+
 class BencherMetric(TypedDict):
     """One measure of a benchmark."""
 
@@ -565,11 +638,13 @@ class JobPage(TypedDict):
     next_cursor: Union["Cursor", None]
 
 #: The body of `POST /jobs`: presets to run, or images rendered elsewhere to compare.
-JobRequest = TypedDict('JobRequest', {'bisect': NotRequired[bool], 'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'frames': NotRequired[Union[int, None]], 'from': NotRequired[Union["DepartureInput", None]], 'history': NotRequired["Precision"], 'images': NotRequired["Images"], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'metrics': NotRequired[List["MetricId"]], 'outputs': NotRequired[Union["OutputsRequest", None]], 'parent': NotRequired[Union[str, None]], 'presets': NotRequired[List["PresetRequest"]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'repeat': NotRequired[int], 'sequence': str, 'validate': NotRequired[bool]})
+JobRequest = TypedDict('JobRequest', {'bisect': NotRequired[bool], 'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'force': NotRequired[bool], 'frames': NotRequired[Union[int, None]], 'from': NotRequired[Union["DepartureInput", None]], 'history': NotRequired["Precision"], 'images': NotRequired["Images"], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'metrics': NotRequired[List["MetricId"]], 'outputs': NotRequired[Union["OutputsRequest", None]], 'parent': NotRequired[Union[str, None]], 'presets': NotRequired[List["PresetRequest"]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'repeat': NotRequired[int], 'sequence': str, 'skip': NotRequired["Skip"], 'until': NotRequired[Union["Until", None]], 'validate': NotRequired[bool]})
 
 class JobSpec(TypedDict):
     """Everything a worker must know to do a job."""
 
+    #: Instead of running presets once, the settings to measure.
+    bench: NotRequired[Union["BenchSpec", None]]
     #: How history is stored.
     history: "Precision"
     #: Which output images to keep.
@@ -586,13 +661,17 @@ class JobSpec(TypedDict):
     presets: List["PresetSpec"]
     #: How often each GPU pass of a frame is timed, 1 to 100.
     repeat: int
+    #: Which work may be left out.
+    skip: "Skip"
     #: Instead of running anything on a sequence, the matrix to try recipes with.
     stress: NotRequired[Union["StressSpec", None]]
+    #: Ends the run before its last frame where that is enough.
+    until: Union["Until", None]
     #: Whether the adapter is held against the twin on the CPU.
     validate: "Validate"
 
 #: A job and, once it is done, its reports.
-JobWithReports = TypedDict('JobWithReports', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'reports': List["Report"], 'sequence_hash': NotRequired[str], 'sequence_name': NotRequired[str], 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
+JobWithReports = TypedDict('JobWithReports', {'answered_from_store': NotRequired[bool], 'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'reports': List["Report"], 'sequence_hash': NotRequired[str], 'sequence_name': NotRequired[str], 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
 
 class Judgement(TypedDict):
     """What the rules say."""
@@ -653,6 +732,18 @@ class NewWebhook(TypedDict):
     secret: str
     #: Where to.
     url: str
+
+class Noise(TypedDict):
+    """What the same setting measured twice differs by. No two times nearer than that are called different."""
+
+    #: How many frames each.
+    n_frames: int
+    #: 95 % interval of the median ratio.
+    ratio: List[float]
+    #: The most that the paired ratio of both measurements may be from 1, with 95 % confidence.
+    relative: float
+    #: Which setting.
+    setting: str
 
 class Outputs(TypedDict):
     """Images of a system elsewhere."""
@@ -740,6 +831,32 @@ class Point(TypedDict):
     report_id: int
     #: The value.
     value: "Value"
+
+class Point2(TypedDict):
+    """One setting: what it costs and what it gives."""
+
+    #: What the passes must move at the least: each image they bind once, bytes for a pixel of output.
+    bytes_per_pixel: float
+    #: The setting that is as fast or faster and as good or better; none on the front.
+    dominated_by: Union[str, None]
+    #: Mean over frames after warm-up, by metric id.
+    metrics: Dict[str, "Value"]
+    #: What differs from the preset: parameters and knobs.
+    parameters: Dict[str, Any]
+    #: Median of each pass by timestamps (on a CPU adapter wall time); none where there are none.
+    passes_ms: Dict[str, float]
+    #: The most that was allocated on the device at once while this setting ran alone; none where it is not counted.
+    peak_gpu_bytes: Union[int, None]
+    #: Preset id.
+    preset: str
+    #: Name of the sequence.
+    sequence: str
+    #: Share of the resolve's tiles that had nothing to do, 0 to 1.
+    skipped: float
+    #: Of one frame.
+    time_ms: "Timing"
+    #: CPU time of the process for bringing a frame to the device, median: comparing it with the one before where tiles may be skipped, and copying what differs. No part of `time_ms`.
+    upload_ms: float
 
 class PointList(TypedDict):
     """Points of a series."""
@@ -1009,6 +1126,20 @@ class Sequence(TypedDict):
     #: Size of the engine's frames.
     render_size: "Extent"
 
+class SequenceInfo(TypedDict):
+    """The sequence a report speaks of."""
+
+    #: Content hash: SHA-256 in hexadecimal over manifest and files.
+    hash: str
+    #: Number of frames that ran.
+    n_frames: int
+    #: Name from the manifest.
+    name: str
+    #: Size of the reference and of the resolved image.
+    output_size: "Extent"
+    #: Size of the engine's frames.
+    render_size: "Extent"
+
 class SequencePage(TypedDict):
     """A page of sequences."""
 
@@ -1182,6 +1313,18 @@ class TimeSummary(TypedDict):
     #: How many measurements.
     n: int
 
+class Timing(TypedDict):
+    """Repeated measurements of one thing, milliseconds."""
+
+    #: Upper end.
+    high: float
+    #: Lower end of the 95 % interval of the median.
+    low: float
+    #: Median absolute deviation from the median.
+    mad: float
+    #: Middle value.
+    median: float
+
 class Token(TypedDict):
     """A token as it is stored, without anything that would let someone use it."""
 
@@ -1331,6 +1474,9 @@ Better = Union[Literal['higher'], Literal['lower']]
 #: Where the check of a sequence stands.
 Check = Dict[str, Any]
 
+#: What a time is.
+Clock = Union[Literal['gpu_timestamps'], Literal['process_cpu']]
+
 #: The `next_cursor` of the page before.
 Cursor = str
 
@@ -1397,6 +1543,9 @@ Severity = Union[Literal['note'], Literal['warning']]
 #: How the shown image is sharpened.
 Sharpen = Union[Literal['none'], Literal['normalised'], Literal['rcas'], Literal['xu']]
 
+#: Which work may be left out. Written `off` or `exact`.
+Skip = Union[Literal['exact'], Literal['off']]
+
 #: Which colour a recipe resolves.
 Source = Union[Literal['color'], Literal['unjittered_if_present']]
 
@@ -1420,6 +1569,9 @@ Timestamp = str
 
 #: A difference in the metric's unit, or a share of what is compared with, such as `2 %`.
 Tolerance = Union[float, str]
+
+#: A metric and half the width of its mean's 95 % interval, at which a run has seen enough.
+Until = str
 
 #: Whether the adapter's results are held against the twin's, pass by pass. Slow: the twin computes in f64 on the CPU.
 Validate = Union[Literal['bisect'], Literal['no'], Literal['yes']]
@@ -1549,6 +1701,50 @@ class Client:
             cursor = page.get('next_cursor')
             if cursor is None:
                 return
+
+    def list_benchmarks(self, *, cursor: Optional[str] = None, limit: Optional[int] = None, sequence: Optional[str] = None) -> "BenchPage":
+        """Benchmarks with their points
+
+        cursor: The `next_cursor` of the page before.
+        limit: At most so many, 1 to 1000; 50 where left out.
+        sequence: Only those of this sequence: its hash, or the name that it had."""
+        return self._request('GET', f"/bench", {'cursor': cursor, 'limit': limit, 'sequence': sequence}, {}, None)
+
+    def iterate_benchmarks(self, **query: Any) -> Iterator["BenchRun"]:
+        """Every row of `list_benchmarks`, page by page."""
+        cursor = None
+        while True:
+            page = self.list_benchmarks(cursor=cursor, **query)
+            yield from page['runs']
+            cursor = page.get('next_cursor')
+            if cursor is None:
+                return
+
+    def create_benchmark(self, body: "BenchRequest", *, idempotency_key: Optional[str] = None) -> "Job":
+        """Queue a sweep of settings over a sequence
+
+        idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
+        return self._request('POST', f"/bench", {}, {'Idempotency-Key': idempotency_key}, body)
+
+    def get_benchmark(self, job: int) -> "BenchRun":
+        """A job's points
+
+        job: Number."""
+        return self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+
+    def get_front(self, job: int, *, metric: Optional[str] = None) -> bytes:
+        """Time against a metric, with the Pareto front
+
+        job: Number.
+        metric: What the front is drawn on; the benchmark's own metric where left out."""
+        return self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}/front.svg", {'metric': metric}, {}, None)
+
+    def export_points(self, job: int, *, metric: Optional[str] = None) -> bytes:
+        """A job's points as a table
+
+        job: Number.
+        metric: What the front is drawn on; the benchmark's own metric where left out."""
+        return self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}/points.csv", {'metric': metric}, {}, None)
 
     def head_blob(self, sha256: str) -> None:
         """Whether a file is here, or how much of it

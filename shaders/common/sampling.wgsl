@@ -36,15 +36,34 @@ fn row_of_4(image: texture_2d<f32>, texel: vec2i, w: vec4f) -> vec3f {
         + w.z * fetch(image, texel + vec2i(1, 0)) + w.w * fetch(image, texel + vec2i(2, 0));
 }
 
+// `b` and the weighted differences of the others from it, for weights whose sum is 1: between equals exactly their value.
+fn spline(a: vec3f, b: vec3f, c: vec3f, d: vec3f, w: vec4f) -> vec3f {
+    return b + (w.x * (a - b) + w.z * (c - b) + w.w * (d - b));
+}
+
+fn spline_row(image: texture_2d<f32>, texel: vec2i, w: vec4f) -> vec3f {
+    return spline(
+        fetch(image, texel + vec2i(-1, 0)),
+        fetch(image, texel),
+        fetch(image, texel + vec2i(1, 0)),
+        fetch(image, texel + vec2i(2, 0)),
+        w,
+    );
+}
+
 // The separable Catmull-Rom spline over all 16 texels. May be negative.
 fn sample_catmull_rom(image: texture_2d<f32>, position: vec2f) -> vec3f {
     let base = floor(position - 0.5);
     let f = position - 0.5 - base;
     let texel = vec2i(base);
     let wx = catmull_rom_weights(f.x);
-    let wy = catmull_rom_weights(f.y);
-    return wy.x * row_of_4(image, texel + vec2i(0, -1), wx) + wy.y * row_of_4(image, texel, wx)
-        + wy.z * row_of_4(image, texel + vec2i(0, 1), wx) + wy.w * row_of_4(image, texel + vec2i(0, 2), wx);
+    return spline(
+        spline_row(image, texel + vec2i(0, -1), wx),
+        spline_row(image, texel, wx),
+        spline_row(image, texel + vec2i(0, 1), wx),
+        spline_row(image, texel + vec2i(0, 2), wx),
+        catmull_rom_weights(f.y),
+    );
 }
 
 // Coefficients that the kernel of `quasi_cubic` finds beyond each edge of the image.

@@ -7,6 +7,7 @@
 )]
 
 pub mod bake;
+pub mod bench;
 pub mod check;
 pub mod ci;
 pub mod client;

@@ -5,12 +5,12 @@ use afterimage::{
     gpu::Gpu,
     image::{
         Image,
-        files::{Backend, FileReader, Limits, exr},
+        files::{Backend, FileReader, Limits, exr, png},
     },
     metrics::{Metric, Picture, map::Map},
-    run::{self, MetricsOn, Observer, PresetSpec, RunSpec, Validate, report::Report},
+    run::{self, MetricsOn, Observer, PresetSpec, RunSpec, Until, Validate, report::Report},
     sequence::{Sequence, frame::Rgb},
-    taa::Precision,
+    taa::{Precision, Skip},
 };
 use anyhow::Context;
 use clap::ValueEnum;
@@ -46,7 +46,8 @@ pub struct Arguments {
     /// Write the report as JSON to a file, or to standard output for `-`
     #[arg(long, value_name = "FILE")]
     json: Option<JsonTarget>,
-    /// Write each shown frame as DIR/PRESET/output_0000.exr: linear RGB, 32-bit float
+    /// Write each shown frame as DIR/PRESET/output_0000.exr: linear RGB, 32-bit float; and with --skip DIR/PRESET/skipped.png,
+    /// the lighter a tile the more often it was kept
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
     /// Draw where the errors of these metrics are: DIR/PRESET/METRIC_0000.png, black to white for good to bad, and the
@@ -73,6 +74,12 @@ pub struct What {
     /// Metrics, separated by commas
     #[arg(long, value_name = "METRICS", value_delimiter = ',', default_value = "psnr,ssim")]
     pub metrics: Vec<Metric>,
+    /// Which work may be left out; exact: what changes no bit of any image
+    #[arg(long, value_name = "off|exact", default_value_t = Skip::Off)]
+    skip: Skip,
+    /// End as soon as every preset's mean is known within so much, with 95 % confidence, such as psnr±0.05 (or psnr+-0.05)
+    #[arg(long, value_name = "METRIC±WIDTH")]
+    until: Option<Until>,
     /// How often each pass of a frame is timed
     #[arg(long, value_name = "N", default_value_t = 1)]
     repeat: u32,
@@ -108,22 +115,12 @@ enum Decoder {
 impl What {
     /// As the library understands it, for this sequence.
     pub fn spec(&self, sequence: &Sequence) -> anyhow::Result<RunSpec> {
-        let mut presets: Vec<_> = if self.preset.iter().any(|id| id == "all") {
-            all_presets(sequence)?
-        } else {
-            self.preset.clone()
-        }
-        .into_iter()
-        .map(|preset| PresetSpec {
-            preset,
-            parameters: serde_json::Map::new(),
-        })
-        .collect();
-        for assignment in &self.set {
-            assign(&mut presets, assignment).with_context(|| format!("--set {assignment}"))?;
-        }
+        let choice = PresetChoice {
+            ids: &self.preset,
+            set: &self.set,
+        };
         Ok(RunSpec {
-            presets,
+            presets: choice.specs(sequence)?,
             metrics: self.metrics.clone(),
             history: match self.history {
                 History::F16 => Precision::F16,
@@ -133,7 +130,36 @@ impl What {
             repeat: self.repeat,
             metrics_on: MetricsOn::Auto,
             validate: Validate::asked(self.validate, self.bisect),
+            skip: self.skip,
+            until: self.until,
         })
+    }
+}
+
+/// Presets and overrides as the command line has them.
+pub struct PresetChoice<'a> {
+    /// Preset ids, or `all`.
+    pub ids: &'a [String],
+    /// `NAME=VALUE` or `PRESET.NAME=VALUE`.
+    pub set: &'a [String],
+}
+
+impl PresetChoice<'_> {
+    /// As the library understands them, for this sequence.
+    pub fn specs(&self, sequence: &Sequence) -> anyhow::Result<Vec<PresetSpec>> {
+        let ids = match self.ids.iter().any(|id| id == "all") {
+            true => all_presets(sequence)?,
+            false => self.ids.to_vec(),
+        };
+        let spec = |preset| PresetSpec {
+            preset,
+            parameters: serde_json::Map::new(),
+        };
+        let mut specs: Vec<_> = ids.into_iter().map(spec).collect();
+        for assignment in self.set {
+            assign(&mut specs, assignment).with_context(|| format!("--set {assignment}"))?;
+        }
+        Ok(specs)
     }
 }
 
@@ -215,6 +241,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     observer.make_folders()?;
     let report = run::execute(&spec, &sequence, &gpu, &observer)?;
     observer.bar.finish_and_clear();
+    observer.draw_skipped(&report)?;
     if let Some(target) = &arguments.json {
         target.write(&report)?;
     }
@@ -238,6 +265,19 @@ impl Screen<'_> {
         for folder in &self.folders {
             if let Some(path) = self.images.map(|images| images.join(folder)) {
                 fs::create_dir_all(&path).with_context(|| format!("--images {}", path.display()))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Screen<'_> {
+    /// Writes which tiles each preset kept, where it may keep some.
+    fn draw_skipped(&self, report: &Report) -> anyhow::Result<()> {
+        let Some(images) = self.images else { return Ok(()) };
+        for (folder, preset) in self.folders.iter().zip(&report.reports) {
+            if let Some(skipped) = &preset.skipped {
+                png::write_png(&images.join(folder).join("skipped.png"), &skipped.heatmap(), &[])?;
             }
         }
         Ok(())

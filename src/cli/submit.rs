@@ -3,7 +3,7 @@
 use super::{
     JsonTarget,
     client::{Client, TokenOption},
-    print, progress_bar,
+    note, print, progress_bar,
     run::What,
     run::file_reader,
     table,
@@ -43,6 +43,9 @@ pub struct Arguments {
     /// Free text, kept with the reports
     #[arg(long, value_name = "TEXT")]
     label: Option<String>,
+    /// Run what was run before, too
+    #[arg(long)]
+    force: bool,
     /// Only queue the jobs
     #[arg(long)]
     no_wait: bool,
@@ -88,7 +91,12 @@ fn submit(client: &Client, arguments: &Arguments, manifest: &Path) -> anyhow::Re
     job["branch"] = json!(arguments.branch);
     job["commit"] = json!(arguments.commit);
     job["label"] = json!(arguments.label);
-    client.post("jobs", &job)
+    job["force"] = json!(arguments.force);
+    let job = client.post("jobs", &job)?;
+    if job["answered_from_store"] == true {
+        note(&format!("{}: was run before; --force runs it again", sequence.name()));
+    }
+    Ok(job)
 }
 
 /// Sends a sequence; its content hash.
@@ -110,6 +118,8 @@ pub fn job(spec: &RunSpec, hash: &str) -> Value {
         "frames": spec.n_frames,
         "validate": spec.validate != Validate::No,
         "bisect": spec.validate == Validate::Bisect,
+        "skip": spec.skip,
+        "until": spec.until,
     })
 }
 

@@ -1,6 +1,6 @@
 //! Finding an adapter by name or index, and opening its device.
 
-use super::{GpuError, pass::Variant};
+use super::{GpuError, Workgroup, pass::Variant, workgroup};
 use crate::run::report::AdapterInfo;
 use std::sync::Arc;
 
@@ -13,6 +13,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
     pub(super) variant: Variant,
+    workgroup: Workgroup,
 }
 
 /// What to do where there is no adapter at all.
@@ -64,7 +65,13 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|error| unsupported(error.to_string()))?;
+        // On a CPU a row: its lanes then read neighbouring texels.
+        let untuned = match info.device_type {
+            wgpu::DeviceType::Cpu => Workgroup::new(64, 1),
+            _ => Workgroup::new(8, 8),
+        };
         Ok(Self {
+            workgroup: workgroup::tuned(&describe(&info)).unwrap_or(untuned),
             device,
             queue,
             info,
@@ -110,13 +117,19 @@ impl Gpu {
             queue: self.queue.clone(),
             info: self.info.clone(),
             variant,
+            workgroup: self.workgroup,
         }
     }
 
-    /// The workgroup of passes that leave it open. On a CPU a row: its lanes then read neighbouring texels.
-    pub(super) fn workgroup(&self) -> [u32; 2] {
-        let usual = if self.is_cpu() { [64, 1] } else { [8, 8] };
-        self.variant.workgroup.unwrap_or(usual)
+    /// The workgroup of passes that leave it open: the variant's, else as tuned for this adapter, else a good guess.
+    pub fn workgroup(&self) -> Workgroup {
+        self.variant.workgroup.unwrap_or(self.workgroup)
+    }
+
+    /// Bytes that resources now take on the device; none where the backend does not count them.
+    pub fn allocated_bytes(&self) -> Option<u64> {
+        let report = self.device.generate_allocator_report()?;
+        Some(report.total_allocated_bytes)
     }
 
     /// Runs `work` and turns what wgpu reports meanwhile into an error that says what was being done.

@@ -8,6 +8,7 @@ mod readback;
 mod reflection;
 mod texture;
 mod timer;
+mod workgroup;
 
 pub use adapter::{Gpu, NO_DRIVER, adapters};
 pub use pass::{Bound, Dispatch, Invocation, Kept, Pass, Variant};
@@ -16,6 +17,7 @@ pub use readback::{Floats, Readback, ReadbackPool};
 pub use reflection::{Access, UniformValue};
 pub use texture::{Layer, Texture};
 pub use timer::{Timer, Times};
+pub use workgroup::Workgroup;
 
 /// What can go wrong on the GPU.
 #[derive(Debug, thiserror::Error)]

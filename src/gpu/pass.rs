@@ -6,7 +6,7 @@
 //! A missing, unknown or twice-bound name is an error that names the pass, and so is an override or a uniform's field.
 
 use super::{
-    Gpu, GpuError, Texture,
+    Gpu, GpuError, Texture, Workgroup,
     reflection::{Access, Binding, Reflection, UniformValue},
 };
 use crate::image::Extent;
@@ -30,7 +30,7 @@ pub struct Pass {
 #[derive(Debug, Default)]
 pub struct Variant {
     /// The workgroup of passes that leave it open.
-    pub workgroup: Option<[u32; 2]>,
+    pub workgroup: Option<Workgroup>,
     /// Every pass compiled, for whoever compiles the same ones again and again. It only grows.
     pub cache: Option<PassCache>,
 }
@@ -62,7 +62,7 @@ impl<'a> From<&'a wgpu::Buffer> for Bound<'a> {
 impl Pass {
     /// Compiles the entry point `main` of `sources` joined together. WGSL's module scope has no order, so the pass comes
     /// first (its errors then carry its own line numbers) and shared files follow. `overrides` are set by name; those
-    /// named `WORKGROUP_X` and `WORKGROUP_Y` are set here.
+    /// named `WORKGROUP_X` and `WORKGROUP_Y` are the adapter's.
     pub fn new(gpu: &Gpu, label: &str, sources: &[&str], overrides: &[(&str, f64)]) -> Result<Self, GpuError> {
         let source = sources.join("\n");
         let Some(cache) = &gpu.variant().cache else {
@@ -87,9 +87,9 @@ impl Pass {
         let mut constants = overrides.to_vec();
         let mut workgroup = reflected.workgroup.unwrap_or([1, 1]);
         if reflected.overrides.contains("WORKGROUP_X") {
-            workgroup = gpu.workgroup();
-            constants.push(("WORKGROUP_X", f64::from(workgroup[0])));
-            constants.push(("WORKGROUP_Y", f64::from(workgroup[1])));
+            let Workgroup { x, y } = gpu.workgroup();
+            workgroup = [x, y];
+            constants.extend([("WORKGROUP_X", f64::from(x)), ("WORKGROUP_Y", f64::from(y))]);
         }
         if let Some((name, _)) = constants.iter().find(|(name, _)| !reflected.overrides.contains(*name)) {
             return Err(error(format!("the shader has no override `{name}`")));
@@ -195,6 +195,17 @@ impl<'a> Invocation<'a> {
 
     /// A dispatch that covers `extent`, ready to be recorded any number of times.
     pub fn over(self, gpu: &Gpu, extent: Extent) -> Result<Dispatch<'a>, GpuError> {
+        let [x, y] = self.pass.workgroup;
+        let workgroups = Workgroups::Of([extent.width.div_ceil(x), extent.height.div_ceil(y)]);
+        self.ready(gpu, workgroups)
+    }
+
+    /// A dispatch of as many workgroups as the first three words of `workgroups` say when it runs.
+    pub fn indirect(self, gpu: &Gpu, workgroups: &wgpu::Buffer) -> Result<Dispatch<'a>, GpuError> {
+        self.ready(gpu, Workgroups::In(workgroups.clone()))
+    }
+
+    fn ready(self, gpu: &Gpu, workgroups: Workgroups) -> Result<Dispatch<'a>, GpuError> {
         let pass = self.pass;
         let mut uniform_buffers = Vec::with_capacity(self.uniforms.len());
         for (name, fields) in &self.uniforms {
@@ -237,10 +248,7 @@ impl<'a> Invocation<'a> {
             pass,
             bound: self.bound,
             bind_group,
-            workgroups: [
-                extent.width.div_ceil(pass.workgroup[0]),
-                extent.height.div_ceil(pass.workgroup[1]),
-            ],
+            workgroups,
         })
     }
 }
@@ -251,19 +259,14 @@ pub struct Kept {
     label: String,
     pipeline: wgpu::ComputePipeline,
     bind_group: wgpu::BindGroup,
-    workgroups: [u32; 2],
+    workgroups: Workgroups,
 }
 
 impl Kept {
     /// Records the pass, untimed.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
-        let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(&self.label),
-            timestamp_writes: None,
-        });
-        compute.set_pipeline(&self.pipeline);
-        compute.set_bind_group(0, &self.bind_group, &[]);
-        compute.dispatch_workgroups(self.workgroups[0], self.workgroups[1], 1);
+        self.workgroups
+            .dispatch(encoder, &self.label, &self.pipeline, &self.bind_group, None);
     }
 }
 
@@ -273,7 +276,14 @@ pub struct Dispatch<'a> {
     pass: &'a Pass,
     bound: Vec<(&'static str, Bound<'a>)>,
     bind_group: wgpu::BindGroup,
-    workgroups: [u32; 2],
+    workgroups: Workgroups,
+}
+
+/// How many workgroups run.
+#[derive(Clone, Debug)]
+enum Workgroups {
+    Of([u32; 2]),
+    In(wgpu::Buffer),
 }
 
 impl<'a> Dispatch<'a> {
@@ -283,7 +293,7 @@ impl<'a> Dispatch<'a> {
             label: self.pass.label.clone(),
             pipeline: self.pass.pipeline.clone(),
             bind_group: self.bind_group.clone(),
-            workgroups: self.workgroups,
+            workgroups: self.workgroups.clone(),
         }
     }
 
@@ -298,29 +308,72 @@ impl<'a> Dispatch<'a> {
         self.bound.iter().map(move |&(name, bound)| (name, bound, access(name)))
     }
 
+    /// What the pass must move at the least: every image and buffer bound once, twice what it reads and writes. Bytes.
+    pub fn n_bytes(&self) -> u64 {
+        let moved = self.bound().map(|(_, bound, access)| {
+            let n_bytes = match bound {
+                Bound::Texture(texture) => texture.n_bytes(),
+                Bound::Buffer(buffer) => buffer.size(),
+            };
+            n_bytes * (u64::from(access.reads) + u64::from(access.writes))
+        });
+        moved.sum()
+    }
+
     /// Records the pass, timed where `timestamps` is given.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>) {
-        self.record_workgroups(encoder, timestamps, self.workgroups);
+        self.record_workgroups(encoder, timestamps, &self.workgroups);
     }
 
     /// Records the pass over its first workgroup alone.
     pub fn record_corner(&self, encoder: &mut wgpu::CommandEncoder) {
-        self.record_workgroups(encoder, None, [1, 1]);
+        self.record_workgroups(encoder, None, &Workgroups::Of([1, 1]));
+    }
+
+    /// Records the pass over nothing, timed all the same: where its results are there already.
+    pub fn record_nothing(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
+    ) {
+        self.record_workgroups(encoder, timestamps, &Workgroups::Of([0, 0]));
+    }
+
+    /// Whether it is for the device to say how much of it runs.
+    pub fn is_indirect(&self) -> bool {
+        matches!(self.workgroups, Workgroups::In(_))
     }
 
     fn record_workgroups(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
-        [x, y]: [u32; 2],
+        workgroups: &Workgroups,
+    ) {
+        let Pass { label, pipeline, .. } = self.pass;
+        workgroups.dispatch(encoder, label, pipeline, &self.bind_group, timestamps);
+    }
+}
+
+impl Workgroups {
+    fn dispatch(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        label: &str,
+        pipeline: &wgpu::ComputePipeline,
+        bind_group: &wgpu::BindGroup,
+        timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(&self.pass.label),
+            label: Some(label),
             timestamp_writes: timestamps,
         });
-        compute.set_pipeline(&self.pass.pipeline);
-        compute.set_bind_group(0, &self.bind_group, &[]);
-        compute.dispatch_workgroups(x, y, 1);
+        compute.set_pipeline(pipeline);
+        compute.set_bind_group(0, bind_group, &[]);
+        match self {
+            Self::Of([x, y]) => compute.dispatch_workgroups(*x, *y, 1),
+            Self::In(buffer) => compute.dispatch_workgroups_indirect(buffer, 0),
+        }
     }
 }
 

@@ -43,6 +43,8 @@ pub enum UniformValue {
     F32(f32),
     /// `vec2f`
     Vec2([f32; 2]),
+    /// `vec2u`
+    Vec2U([u32; 2]),
     /// `vec3f`
     Vec3([f32; 3]),
     /// `vec4f`
@@ -57,6 +59,7 @@ impl UniformValue {
             Self::U32(value) => bytemuck::bytes_of(value),
             Self::F32(value) => bytemuck::bytes_of(value),
             Self::Vec2(value) => bytemuck::bytes_of(value),
+            Self::Vec2U(value) => bytemuck::bytes_of(value),
             Self::Vec3(value) => bytemuck::bytes_of(value),
             Self::Vec4(value) => bytemuck::bytes_of(value),
             Self::Mat4(value) => bytemuck::bytes_of(value),
@@ -73,7 +76,7 @@ macro_rules! from {
         })*
     };
 }
-from!(u32 => U32, f32 => F32, [f32; 2] => Vec2, [f32; 3] => Vec3, [f32; 4] => Vec4, [[f32; 4]; 4] => Mat4);
+from!(u32 => U32, f32 => F32, [f32; 2] => Vec2, [u32; 2] => Vec2U, [f32; 3] => Vec3, [f32; 4] => Vec4, [[f32; 4]; 4] => Mat4);
 
 impl Binding {
     /// A buffer for this uniform, filled field by field; or what does not fit.

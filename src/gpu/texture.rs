@@ -135,6 +135,11 @@ impl Texture {
             .expect("colour formats have blocks of one texel")
     }
 
+    /// Size in memory, without the driver's padding.
+    pub fn n_bytes(&self) -> u64 {
+        self.extent.n_pixels() as u64 * u64::from(self.texel_bytes())
+    }
+
     /// For binding, and for drawing to.
     pub fn view(&self) -> &wgpu::TextureView {
         &self.view

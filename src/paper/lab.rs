@@ -15,7 +15,7 @@ use crate::{
     run::{self, MetricsOn, Observer, RunError, RunSpec, Validate},
     scene::{BakeSettings, Baker, Cache},
     sequence::{Channels, Sequence, frame::Rgb, jitter::JitterSequence},
-    taa::Precision,
+    taa::{Precision, Skip},
 };
 use std::sync::Mutex;
 
@@ -108,6 +108,8 @@ impl Lab<'_> {
             repeat: 1,
             metrics_on: MetricsOn::Auto,
             validate: Validate::No,
+            skip: Skip::Off,
+            until: None,
         };
         let camera = Camera {
             frame_index: pictured,

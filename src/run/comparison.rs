@@ -69,6 +69,7 @@ pub fn compare_outputs(
             summary: summaries(&comparison.metrics, &frames),
             times_ms: BTreeMap::new(),
             validation: None,
+            skipped: None,
             frames,
         }],
     })

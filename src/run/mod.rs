@@ -7,6 +7,7 @@ mod plan;
 pub mod report;
 mod scoring;
 mod times;
+mod until;
 mod validation;
 
 use crate::{
@@ -14,15 +15,16 @@ use crate::{
     image::Image,
     metrics::{Metric, Picture, gpu::GpuMetricError},
     sequence::{Sequence, SequenceError, frame::Rgb},
-    taa::{PRESETS, Precision, Preset},
+    taa::{PRESETS, Precision, Preset, Skip},
 };
 pub use comparison::{Comparison, compare_outputs};
 use plan::Plan;
-pub use plan::Unfit;
+pub use plan::{Unfit, admits};
 use report::Report;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-pub use times::summary as time_summary;
+pub use times::{process_cpu_ms, summary as time_summary};
+pub use until::Until;
 
 /// One preset of a run, with overridden parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -51,6 +53,12 @@ pub struct RunSpec {
     /// Where metrics are computed.
     #[serde(default)]
     pub metrics_on: MetricsOn,
+    /// Which work may be left out.
+    #[serde(default)]
+    pub skip: Skip,
+    /// Ends the run before its last frame where that is enough.
+    #[serde(default)]
+    pub until: Option<Until>,
     /// Whether the adapter is held against the twin on the CPU.
     #[serde(default)]
     pub validate: Validate,

@@ -14,7 +14,7 @@ use crate::{
     image::Image,
     metrics::gpu::{GpuMetrics, Recorded, Recording, ScoredFrame},
     sequence::{Frame, Sequence, SequenceError, frame::Rgb},
-    taa::{Inputs, Repeat, Resolver},
+    taa::{Inputs, Options, Repeat, Resolver, Skip},
 };
 use rayon::prelude::*;
 use std::{
@@ -151,18 +151,27 @@ impl<'a> Stage<'a> {
                 return Err(RunError::Input(message));
             }
         }
+        let options = Options {
+            precision: spec.history,
+            skip: plan.skip,
+        };
         let resolvers = plan
             .systems
             .par_iter()
-            .map(|system| Resolver::new(gpu, system.recipe.clone(), spec.history, sizes))
+            .map(|system| Resolver::new(gpu, system.recipe.clone(), options, sizes))
             .collect::<Result<_, _>>()?;
+        let mut inputs = Inputs::new(gpu, sizes, plan.channels, &plan.prepared)?;
+        if plan.skip != Skip::Off {
+            let reach_px = plan.systems.iter().map(|system| system.recipe.reach_px()).max();
+            inputs.track_changes(gpu, reach_px.expect("a run has presets"))?;
+        }
         let metrics = on_device
             .then(|| GpuMetrics::new(gpu, sizes.output, sequence.display(), &plan.metrics, plan.systems.len()))
             .transpose()?;
         let mut stage = Self {
             plan,
             gpu,
-            inputs: Inputs::new(gpu, sizes, plan.channels, &plan.prepared)?,
+            inputs,
             resolvers,
             reads_images,
             metrics,
@@ -201,6 +210,10 @@ impl<'a> Stage<'a> {
                 decoded.map_err(|_| RunError::Internal(format!("the decoder of frame {index} panicked")))??;
             let submitted = self.submit(frame, decode_ms)?;
             if send.send(submitted).is_err() {
+                // The scorer may have seen enough; if it failed, its own error is the run's.
+                if self.plan.until.is_some() {
+                    return Ok(());
+                }
                 return Err(RunError::Internal("the scorer stopped".to_owned()));
             }
         }
@@ -236,6 +249,11 @@ impl<'a> Stage<'a> {
                 .collect();
             (shown, repaired)
         })?;
+        let kept = self
+            .resolvers
+            .iter()
+            .map(|resolver| resolver.copy_kept(gpu, &mut encoder, &mut readback))
+            .collect();
         let times = self.timer.finish(gpu, &mut encoder, &mut readback);
         let submission = gpu.scope("submitting a frame", || gpu.queue.submit([encoder.finish()]))?;
         readback.map();
@@ -249,6 +267,7 @@ impl<'a> Stage<'a> {
             shown,
             recorded,
             repaired,
+            kept,
             decode_ms,
             upload_ms,
             host_cpu_ms: thread_cpu_ms() - cpu_before,

@@ -1,11 +1,11 @@
 //! From what was asked to what will be done: everything about a run that can be known, or refused, before it starts.
 
-use super::{PresetSpec, RunError, RunSpec, Validate};
+use super::{PresetSpec, RunError, RunSpec, Until, Validate};
 use crate::{
     gpu::Timer,
     metrics::Metric,
     sequence::{Channels, Sequence},
-    taa::{Preparation, Preset, Recipe, RecipeError, SizesError, Source, UnknownPreset, recipe::Dilation},
+    taa::{Preparation, Preset, Recipe, RecipeError, SizesError, Skip, Source, UnknownPreset, recipe::Dilation},
 };
 use std::collections::BTreeSet;
 
@@ -20,6 +20,8 @@ pub struct Plan {
     pub prepared: BTreeSet<Preparation>,
     pub n_frames: usize,
     pub repeat: u32,
+    pub skip: Skip,
+    pub until: Option<Until>,
     /// Frame × preset pairs that are validated after the run.
     pub n_validated: usize,
 }
@@ -29,6 +31,8 @@ pub struct Plan {
 pub struct System {
     pub preset: String,
     pub recipe: Recipe,
+    /// The names of its passes, in the order recorded.
+    pub passes: Vec<&'static str>,
     /// What it reads of the sequence.
     pub channels: Channels,
     pub notes: Vec<String>,
@@ -58,7 +62,7 @@ impl Plan {
             .iter()
             .enumerate()
             .map(|(index, wanted)| {
-                System::new(wanted, sequence, n_frames)
+                System::new(wanted, sequence, n_frames, spec.skip)
                     .map_err(|cause| RunError::Input(format!("presets[{index}]: {cause}")))
             })
             .collect::<Result<Vec<_>, _>>()?;
@@ -69,6 +73,10 @@ impl Plan {
             Vec::new()
         };
         check_metrics(&metrics, sequence)?;
+        if let Some(until) = spec.until.filter(|until| !metrics.contains(&until.metric)) {
+            let message = format!("until: `{}` is not among the metrics computed", until.metric);
+            return Err(RunError::Input(message));
+        }
         let plan = Self {
             channels: channels(&systems, &metrics),
             systems,
@@ -80,6 +88,8 @@ impl Plan {
             },
             n_frames,
             repeat: spec.repeat,
+            skip: spec.skip,
+            until: spec.until,
         };
         // Leaves room for the passes of GPU metrics.
         if plan.n_timed_passes() > Timer::MAX_PASSES / 2 {
@@ -95,7 +105,7 @@ impl Plan {
 
     /// How many passes of a frame are timed, metrics aside.
     pub fn n_timed_passes(&self) -> u32 {
-        let n_passes: usize = self.systems.iter().map(|system| system.recipe.passes().len()).sum();
+        let n_passes: usize = self.systems.iter().map(|system| system.passes.len()).sum();
         (self.n_merges() + self.prepared.len() + n_passes) as u32 * self.repeat
     }
 
@@ -120,7 +130,7 @@ pub fn check_metrics(metrics: &[Metric], sequence: &Sequence) -> Result<(), RunE
 }
 
 impl System {
-    fn new(wanted: &PresetSpec, sequence: &Sequence, n_frames: usize) -> Result<Self, SystemError> {
+    fn new(wanted: &PresetSpec, sequence: &Sequence, n_frames: usize, skip: Skip) -> Result<Self, SystemError> {
         let recipe = Preset::find(&wanted.preset)?.recipe.with(&wanted.parameters)?;
         recipe.check_gpu()?;
         admits(sequence, &recipe).map_err(|reason| SystemError::Sequence {
@@ -130,6 +140,7 @@ impl System {
         Ok(Self {
             preset: wanted.preset.clone(),
             notes: notes(&recipe, sequence, n_frames),
+            passes: recipe.passes_skipping(skip, sequence.sizes()),
             channels: recipe
                 .required_channels()
                 .union(recipe.optional_channels().intersection(sequence.available()))

@@ -1,7 +1,7 @@
 //! What a run returns, and what the service stores: plain data, the same for the CLI's JSON and the API's.
 
 use crate::{
-    image::Extent,
+    image::{Extent, Image},
     metrics::{Summary, Value},
     taa::validation::Validation,
 };
@@ -42,7 +42,7 @@ impl Report {
 }
 
 /// The sequence a report speaks of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SequenceInfo {
     /// Name from the manifest.
     pub name: String,
@@ -89,6 +89,49 @@ pub struct PresetReport {
     pub summary: BTreeMap<String, Summary>,
     /// By pass, over frames after warm-up and all repeats.
     pub times_ms: BTreeMap<String, TimeSummary>,
+    /// What was left out; none where nothing may be.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skipped: Option<Skipped>,
+}
+
+/// The tiles that a preset did not compute because what they would show and store was there already.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Skipped {
+    /// Of all tiles of all frames, 0 to 1.
+    pub share: f64,
+    /// About what the median frame would have taken longer without: its time for each tile, times the tiles kept. None where
+    /// nothing is timed or all is kept.
+    pub saved_ms: Option<f64>,
+    /// About what the median frame would have taken without.
+    pub without_ms: Option<f64>,
+    /// Columns and rows of tiles of 16×16 pixels.
+    pub tiles: Extent,
+    /// In which share of the frames each tile was kept, row by row.
+    pub kept: Vec<f32>,
+}
+
+impl Skipped {
+    /// For people: "62 % of tiles kept, 3.1 of 8.4 ms".
+    pub fn note(&self) -> String {
+        let share = format!("{:.0} % of tiles kept", 100.0 * self.share);
+        match (self.saved_ms, self.without_ms) {
+            (Some(saved), Some(without)) if without > 0.0 => {
+                format!("{share}, about {saved:.1} of {without:.1} ms saved")
+            }
+            _ => share,
+        }
+    }
+
+    /// The shares as an image, black for tiles that were always computed and white for those that never were.
+    pub fn heatmap(&self) -> Image<[u8; 3]> {
+        let shade = |&kept: &f32| [(255.0 * kept).round() as u8; 3];
+        let side = 16;
+        let shades: Vec<_> = self.kept.iter().map(shade).collect();
+        let extent = Extent::new(self.tiles.width * side, self.tiles.height * side);
+        Image::from_fn(extent, |x, y| {
+            shades[((y / side) * self.tiles.width + x / side) as usize]
+        })
+    }
 }
 
 /// One frame of one preset.

@@ -2,14 +2,14 @@
 //! becomes the report.
 
 use super::{
-    Observer, RunError,
+    Observer, RunError, Until,
     plan::Plan,
-    report::{FrameReport, PresetReport, Report, SequenceInfo},
+    report::{FrameReport, PresetReport, Report, SequenceInfo, Skipped, TimeSummary},
     times::{summary, timed},
 };
 use crate::{
     gpu::{Gpu, Readback, Times},
-    image::Image,
+    image::{Extent, Image},
     metrics::{
         FrameScores, LateValue, Metric, Picture, Reference, Summary, Track, Value,
         gpu::{DeviceTrack, Recorded},
@@ -17,6 +17,7 @@ use crate::{
     },
     sequence::{Frame, Sequence, frame::Rgb},
     statistics::median,
+    taa::{Kept, TILE},
 };
 use std::{
     collections::BTreeMap,
@@ -45,6 +46,8 @@ pub struct Submitted {
     pub recorded: Vec<Recorded>,
     /// Read-back slot of each prepared colour's count of repaired texels.
     pub repaired: Vec<usize>,
+    /// Each preset's tiles, where it may keep some.
+    pub kept: Vec<Option<Kept>>,
     pub decode_ms: f64,
     pub upload_ms: f64,
     pub host_cpu_ms: f64,
@@ -64,6 +67,8 @@ struct Gathered {
     track: PresetTrack,
     frames: Vec<FrameReport>,
     pass_times_ms: BTreeMap<&'static str, Vec<f64>>,
+    /// How often each tile was kept.
+    n_kept: Vec<u32>,
     /// What to say of where the last output lies.
     offset: Option<String>,
 }
@@ -112,15 +117,27 @@ impl<'a> Scorer<'a> {
         }
     }
 
-    /// Scores frames until the channel closes.
+    /// Scores frames until the channel closes or has given enough.
     pub fn score_all(mut self, submitted: &Receiver<Submitted>) -> Result<Self, RunError> {
         for mut submitted in submitted {
             self.gpu.wait(submitted.submission.clone())?;
             self.score(&mut submitted)?;
+            if self.plan.until.is_some_and(|until| self.knows(until)) {
+                break;
+            }
         }
         // The writer ends with its channel.
         self.keep = None;
         Ok(self)
+    }
+
+    /// Whether every preset's frames say enough.
+    fn knows(&self, until: Until) -> bool {
+        self.gathered.iter().all(|gathered| {
+            let counted = gathered.frames.iter().filter(|frame| !frame.warmup);
+            let values = counted.filter_map(|frame| Some(frame.metrics.get(until.metric.id())?.0));
+            until.is_met(&values.collect::<Vec<_>>())
+        })
     }
 
     fn score(&mut self, submitted: &mut Submitted) -> Result<(), RunError> {
@@ -198,6 +215,12 @@ impl<'a> Scorer<'a> {
         {
             self.gathered[index].offset = offset_note(truth, shown);
         }
+        if let Some(kept) = &submitted.kept[index] {
+            let kept = kept.read(&submitted.readback, tiles(self.sequence.output_size()).width as usize)?;
+            let n_kept = &mut self.gathered[index].n_kept;
+            n_kept.resize(kept.len(), 0);
+            n_kept.iter_mut().zip(kept).for_each(|(n, kept)| *n += u32::from(kept));
+        }
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
         if let (Some(keep), Some(image)) = (&self.keep, image) {
@@ -239,11 +262,12 @@ impl<'a> Scorer<'a> {
     /// Pass times come in the order recorded: the merging of samples, each prepared colour, then each preset's passes, `repeat` times each. Returns
     /// the medians of this preset's passes.
     fn gather_times(&mut self, index: usize, pass_ms: &[f64], warmup: bool) -> BTreeMap<String, f64> {
-        let recipe = &self.plan.systems[index].recipe;
+        let system = &self.plan.systems[index];
+        let recipe = &system.recipe;
         let prepared = self.plan.prepared.iter().position(|&key| key == recipe.preparation());
         let before: usize = self.plan.systems[..index]
             .iter()
-            .map(|system| system.recipe.passes().len())
+            .map(|system| system.passes.len())
             .sum();
         let n_merges = self.plan.n_merges();
         let prepared = n_merges + prepared.expect("planned for this recipe");
@@ -251,7 +275,7 @@ impl<'a> Scorer<'a> {
         let passes = (0..n_merges)
             .map(|position| ("merge", position))
             .chain([("prepare", prepared)])
-            .chain(recipe.passes().into_iter().zip(first..));
+            .chain(system.passes.iter().copied().zip(first..));
         let mut medians = BTreeMap::new();
         for (pass, position) in passes {
             // None where the adapter has no timestamps.
@@ -291,13 +315,16 @@ impl<'a> Scorer<'a> {
         self.stages_ms.insert("output", output_ms);
         self.stages_ms.insert("total", total_ms);
         let (plan, sequence) = (self.plan, self.sequence);
+        let n_frames = self.gathered.first().map_or(0, |gathered| gathered.frames.len());
+        let ended = plan.until.filter(|_| n_frames < plan.n_frames);
+        let ended = ended.map(|until| format!("ended after {n_frames} of {} frames, at {until}", plan.n_frames));
         Report {
             sequence: SequenceInfo {
                 name: sequence.name().to_owned(),
                 hash,
                 render_size: sequence.render_size(),
                 output_size: sequence.output_size(),
-                n_frames: plan.n_frames,
+                n_frames,
             },
             adapter: self.gpu.info(),
             revision: env!("AFTERIMAGE_REVISION").to_owned(),
@@ -320,7 +347,17 @@ impl<'a> Scorer<'a> {
                     let times_ms = times_ms
                         .filter_map(|(pass, ms)| Some(((*pass).to_owned(), summary(ms)?)))
                         .collect();
-                    let notes = system.notes.iter().chain(&gathered.offset).cloned().collect();
+                    let times_ms: BTreeMap<_, TimeSummary> = times_ms;
+                    let skipped = gathered.skipped(sequence.output_size(), &times_ms);
+                    let saved = skipped.as_ref().map(Skipped::note);
+                    let notes = system
+                        .notes
+                        .iter()
+                        .chain(&gathered.offset)
+                        .chain(&saved)
+                        .chain(&ended)
+                        .cloned()
+                        .collect();
                     let frames = gathered.finish();
                     PresetReport {
                         preset: system.preset.clone(),
@@ -329,6 +366,7 @@ impl<'a> Scorer<'a> {
                         summary: summaries(&plan.metrics, &frames),
                         times_ms,
                         validation: None,
+                        skipped,
                         frames,
                     }
                 })
@@ -346,8 +384,30 @@ impl Gathered {
             },
             frames: Vec::new(),
             pass_times_ms: BTreeMap::new(),
+            n_kept: Vec::new(),
             offset: None,
         }
+    }
+
+    /// What was left out, and what that saved: a pass over listed tiles takes time for each.
+    fn skipped(&self, output: Extent, times_ms: &BTreeMap<String, TimeSummary>) -> Option<Skipped> {
+        let n_frames = self.frames.len() as f64;
+        let kept: Vec<_> = self.n_kept.iter().map(|&n| (f64::from(n) / n_frames) as f32).collect();
+        let share = kept.iter().map(|&kept| f64::from(kept)).sum::<f64>() / kept.len() as f64;
+        let listed_ms: f64 = times_ms
+            .iter()
+            .filter(|(pass, _)| ["resolve", "sharpen", "stabilise"].contains(&pass.as_str()))
+            .map(|(_, time)| time.median)
+            .sum();
+        let total_ms: f64 = times_ms.values().map(|time| time.median).sum();
+        let saved_ms = (share < 1.0).then(|| listed_ms * share / (1.0 - share));
+        (!kept.is_empty()).then_some(Skipped {
+            share,
+            saved_ms,
+            without_ms: saved_ms.map(|saved| total_ms + saved),
+            tiles: tiles(output),
+            kept,
+        })
     }
 
     /// Every frame with all its values.
@@ -362,6 +422,11 @@ impl Gathered {
         }
         frames
     }
+}
+
+/// Columns and rows of tiles.
+fn tiles(extent: Extent) -> Extent {
+    Extent::new(extent.width.div_ceil(TILE), extent.height.div_ceil(TILE))
 }
 
 /// Where the output does not lie on its reference.

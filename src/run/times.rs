@@ -22,6 +22,12 @@ pub fn thread_cpu_ms() -> f64 {
     time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
 }
 
+/// CPU time that the whole process has used, milliseconds.
+pub fn process_cpu_ms() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
+}
+
 /// None where nothing was measured.
 pub fn summary(values: &[f64]) -> Option<TimeSummary> {
     let median_ms = median(values);

@@ -1,7 +1,7 @@
 //! The one error of the API: RFC 9457 problem details with a stable `code`. Causes that the caller cannot act on go to
 //! the log, never into the answer.
 
-use crate::{run::RunError, store::StoreError};
+use crate::{bench::BenchError, run::RunError, store::StoreError};
 use axum::{
     Json,
     http::{HeaderValue, StatusCode, header},
@@ -143,6 +143,17 @@ impl From<StoreError> for ApiError {
             StoreError::NoReport(_) => Self::not_found(error.to_string()),
             StoreError::Closed(_) => Self::new(StatusCode::CONFLICT, "report_complete", error.to_string()),
             other => Self::internal(other),
+        }
+    }
+}
+
+impl From<BenchError> for ApiError {
+    fn from(error: BenchError) -> Self {
+        match error {
+            BenchError::Input { field, message } => {
+                Self::invalid("invalid_bench", message).field(format!("bench.{field}"))
+            }
+            BenchError::Run(error) => error.into(),
         }
     }
 }

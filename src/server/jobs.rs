@@ -8,12 +8,13 @@ use super::{
     sequences,
 };
 use crate::{
+    hex::hex,
     metrics::Metric,
-    run::{self, MetricsOn, PresetSpec, RunSpec, Validate},
+    run::{self, MetricsOn, PresetSpec, RunSpec, Until, Validate},
     sequence::Sequence,
     store::{Cancelled, Images, Job, JobFilter, JobSpec, NewJob, Outputs, Report, ReportFilter, Status, Timestamp},
-    taa::{Precision, Preset},
-    worker::JobEvent,
+    taa::{Precision, Preset, Skip},
+    worker::{JobEvent, operating_system},
 };
 use axum::{
     Json,
@@ -24,6 +25,7 @@ use axum::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use std::{collections::BTreeMap, fmt, sync::Arc, time::Duration};
 
 with_origin! {
@@ -46,6 +48,11 @@ pub struct JobRequest {
     /// How history is stored.
     #[serde(default)]
     history: Precision,
+    /// Which work may be left out.
+    #[serde(default)]
+    skip: Skip,
+    /// Ends the run early: `psnr±0.05`.
+    until: Option<Until>,
     /// How often each pass of a frame is timed.
     #[serde(default = "default_repeat")]
     #[schemars(range(min = 1, max = 100))]
@@ -54,6 +61,9 @@ pub struct JobRequest {
     #[serde(default)]
     #[schemars(range(min = 1))]
     frames: Option<usize>,
+    /// Run it even where the same was run before.
+    #[serde(default)]
+    force: bool,
     /// Hold the adapter against the twin.
     #[serde(default)]
     validate: bool,
@@ -146,6 +156,10 @@ impl<'de> Deserialize<'de> for PresetRequest {
 pub struct JobWithReports {
     #[serde(flatten)]
     job: Job,
+    /// Asked for again: the reports are those of the first time. Only in the answer to `POST /jobs`.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default)]
+    answered_from_store: bool,
     /// In the order of its presets.
     reports: Vec<Report>,
 }
@@ -160,23 +174,53 @@ pub async fn check_room(service: &Service) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Queues a job: 202 and where to watch it.
+/// Queues a job: 202 and where to watch it. What was asked before is not run again: 200 and the job that answered it.
 pub async fn post(
     State(service): Shared,
     ApiJson(mut request): ApiJson<JobRequest>,
 ) -> Result<impl IntoResponse, ApiError> {
     check_room(&service).await?;
     let origin = request.take_origin();
-    let sequence = sequences::find(&service, &request.sequence).await;
-    let sequence = sequence.map_err(|error| match error.status() {
-        StatusCode::NOT_FOUND => ApiError::invalid("unknown_sequence", error.detail()).field("sequence"),
-        _ => error,
-    })?;
-    let job = validated(Arc::clone(&service), request, origin, sequence).await?;
-    let id = service.store.enqueue(&job, Timestamp::now()).await?;
-    service.wake.notify_one();
+    let sequence = sequences::named_in_body(&service, &request.sequence).await?;
+    let force = request.force;
+    let sequence_hash = sequence.hash.clone();
+    let mut job = validated(Arc::clone(&service), request, origin, sequence).await?;
+    job.result_key = result_key(&service, &job, &sequence_hash);
+    let answer = match &job.result_key {
+        Some(key) if !force => service.store.answer_to(key).await?,
+        _ => None,
+    };
+    let (status, id) = match answer {
+        Some(id) => (StatusCode::OK, id),
+        None => {
+            let id = service.store.enqueue(&job, Timestamp::now()).await?;
+            service.wake.notify_one();
+            (StatusCode::ACCEPTED, id)
+        }
+    };
     let location = [(header::LOCATION, format!("/api/v1/jobs/{id}"))];
-    Ok((StatusCode::ACCEPTED, location, Json(load(&service, id).await?)))
+    let job = JobWithReports {
+        answered_from_store: answer.is_some(),
+        ..load(&service, id).await?
+    };
+    Ok((status, location, Json(job)))
+}
+
+/// All that the job's reports follow from, as one hash; none where there is no adapter to run it. Provenance is part of it,
+/// because trends have a point for each commit.
+fn result_key(service: &Service, job: &NewJob, sequence_hash: &str) -> Option<String> {
+    let adapter = service.adapter.as_ref().ok()?;
+    let parts = serde_json::json!([
+        env!("AFTERIMAGE_CODE"),
+        sequence_hash,
+        job.spec,
+        job.project,
+        job.provenance,
+        adapter,
+        operating_system(),
+        service.config.clocks,
+    ]);
+    Some(hex(&Sha256::digest(parts.to_string())))
 }
 
 /// Everything that can be known to be wrong before the job runs is refused here.
@@ -200,6 +244,8 @@ async fn validated(
         repeat: request.repeat,
         metrics_on: MetricsOn::Auto,
         validate: Validate::asked(request.validate, request.bisect),
+        skip: request.skip,
+        until: request.until,
     };
     for (index, spec) in run.presets.iter().enumerate() {
         check_preset(index, spec)?;
@@ -224,9 +270,11 @@ async fn validated(
             images: request.images,
             outputs,
             stress: None,
+            bench: None,
         },
         project,
         provenance,
+        result_key: None,
     })
 }
 
@@ -323,7 +371,11 @@ async fn load(service: &Service, id: i64) -> Result<JobWithReports, ApiError> {
         ..ReportFilter::default()
     };
     let reports = service.store.reports(&filter).await?;
-    Ok(JobWithReports { job, reports })
+    Ok(JobWithReports {
+        job,
+        answered_from_store: false,
+        reports,
+    })
 }
 
 /// One job with its reports.

@@ -5,6 +5,7 @@ mod access;
 mod admin;
 mod alerts;
 mod api;
+pub(crate) mod bench;
 mod blobs;
 mod catalog;
 mod conditional;
@@ -282,7 +283,7 @@ impl Running {
 /// Every route, which scope each needs, and the OpenAPI document.
 fn api() -> (Router<Arc<Service>>, Scopes, Value) {
     let api = routes::results(routes::sequences(routes::catalog(Api::new())));
-    let api = routes::admin(routes::verdicts(routes::stability(api)));
+    let api = routes::admin(routes::verdicts(routes::studies(api)));
     api.finish()
 }
 

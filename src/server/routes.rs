@@ -1,13 +1,17 @@
 //! Which endpoints there are. Bodies and answers are those of the handlers; a test asks the running service whether they
 //! are.
 
+mod studies;
+
+pub use studies::studies;
+
 use super::{
-    admin, alerts, api::Api, blobs, catalog, events, frames, jobs, judging, reports, results, sequences, stress, upload,
+    admin, alerts, api::Api, blobs, catalog, events, frames, jobs, judging, reports, results, sequences, upload,
 };
 use crate::{
     metrics::Listing,
     run::report::AdapterInfo,
-    store::{Alert, Decision, Job, Report, Scope, Sequence, Series},
+    store::{Alert, Decision, Report, Scope, Sequence, Series},
     taa::{Preset, validation::Validation},
 };
 use axum::Json;
@@ -213,11 +217,9 @@ pub fn sequences(api: Api) -> Api {
         ],
         jobs::post,
         |o, s| {
-            o.body::<jobs::JobRequest>(s).answer::<jobs::JobWithReports>(
-                s,
-                202,
-                "Queued; `location` says where to watch it",
-            )
+            o.body::<jobs::JobRequest>(s)
+                .answer::<jobs::JobWithReports>(s, 200, "The same was run before: the job that did")
+                .answer::<jobs::JobWithReports>(s, 202, "Queued; `location` says where to watch it")
         },
     )
     .route(
@@ -255,49 +257,6 @@ pub fn sequences(api: Api) -> Api {
             )
             .empty(204, "The end was heard already")
         },
-    )
-}
-
-/// Numerical stability.
-pub fn stability(api: Api) -> Api {
-    let (read, submit) = (Scope::Read, Scope::Submit);
-    api.route(
-        "GET /stress",
-        read,
-        ["listMatrices", "stress", "Matrices of stress runs, without their cells"],
-        stress::list,
-        |o, s| {
-            o.query::<stress::StressQuery>()
-                .answer::<stress::StressPage>(s, 200, "Newest first")
-        },
-    )
-    .route(
-        "POST /stress",
-        submit,
-        ["createMatrix", "stress", "Queue a matrix of hazards and recipes"],
-        stress::post,
-        |o, s| {
-            o.body::<stress::StressRequest>(s)
-                .answer::<Job>(s, 202, "Queued; `location` says where to watch it")
-        },
-    )
-    .route(
-        "GET /stress/{job}",
-        read,
-        ["getMatrix", "stress", "A job's matrix with its cells"],
-        stress::get,
-        |o, s| o.answer::<stress::Matrix>(s, 200, "Once the job is done"),
-    )
-    .route(
-        "GET /stress/{job}/cells/{picture}",
-        read,
-        [
-            "getCellImage",
-            "images",
-            "A cell's worst frame: adapter, twin, and their difference",
-        ],
-        stress::picture,
-        |o, _| o.media(200, "Of cells that ran", &IMAGE_TYPES[..1]),
     )
 }
 

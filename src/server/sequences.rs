@@ -35,6 +35,14 @@ pub async fn find(service: &Service, hash_or_name: &str) -> Result<Sequence, Api
     })
 }
 
+/// The sequence that a body's field `sequence` names.
+pub async fn named_in_body(service: &Service, hash_or_name: &str) -> Result<Sequence, ApiError> {
+    find(service, hash_or_name).await.map_err(|error| match error.status() {
+        StatusCode::NOT_FOUND => ApiError::invalid("unknown_sequence", error.detail()).field("sequence"),
+        _ => error,
+    })
+}
+
 /// Query of `GET /sequences`.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

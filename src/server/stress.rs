@@ -41,6 +41,7 @@ pub async fn post(
         spec: JobSpec::stress(request.stress),
         project,
         provenance,
+        result_key: None,
     };
     let id = service.store.enqueue(&job, Timestamp::now()).await?;
     service.wake.notify_one();

@@ -2,9 +2,10 @@
 
 use super::{Environment, Provenance, Store, StoreError, Timestamp};
 use crate::{
-    run::{MetricsOn, RunSpec, Validate},
+    bench::BenchSpec,
+    run::{MetricsOn, PresetSpec, RunSpec, Validate},
     stress::StressSpec,
-    taa::Precision,
+    taa::{Precision, Skip},
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -62,24 +63,45 @@ pub struct JobSpec {
     /// Instead of running anything on a sequence, the matrix to try recipes with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stress: Option<StressSpec>,
+    /// Instead of running presets once, the settings to measure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bench: Option<BenchSpec>,
 }
 
 impl JobSpec {
     /// A stress run, which needs no sequence.
     pub fn stress(spec: StressSpec) -> Self {
         Self {
+            stress: Some(spec.clone()),
+            ..Self::no_run(spec.presets)
+        }
+    }
+
+    /// A benchmark.
+    pub fn bench(spec: BenchSpec) -> Self {
+        Self {
+            bench: Some(spec.clone()),
+            ..Self::no_run(spec.presets)
+        }
+    }
+
+    fn no_run(presets: Vec<PresetSpec>) -> Self {
+        Self {
             run: RunSpec {
-                presets: spec.presets.clone(),
+                presets,
                 metrics: Vec::new(),
                 history: Precision::default(),
                 n_frames: None,
                 repeat: 1,
                 metrics_on: MetricsOn::Auto,
                 validate: Validate::No,
+                skip: Skip::Off,
+                until: None,
             },
             images: Images::None,
             outputs: None,
-            stress: Some(spec),
+            stress: None,
+            bench: None,
         }
     }
 }
@@ -108,6 +130,8 @@ pub struct NewJob {
     pub project: String,
     /// Which state of the submitter's code is measured.
     pub provenance: Provenance,
+    /// SHA-256 of all that its reports follow from; none where they are to be made anew.
+    pub result_key: Option<String>,
 }
 
 /// Whose fault a failure is. Only [`FailureKind::Device`] is worth another try.
@@ -252,8 +276,8 @@ impl Store {
     /// Queues a job and gives its number.
     pub async fn enqueue(&self, job: &NewJob, now: Timestamp) -> Result<i64, StoreError> {
         let id = sqlx::query_scalar(
-            "INSERT INTO jobs (sequence_id, spec, git_branch, git_commit, label, project, provenance, status, created_at)
-             VALUES (?, ?, ?, ?, ?, ?, ?, 'queued', ?) RETURNING id",
+            "INSERT INTO jobs (sequence_id, spec, git_branch, git_commit, label, project, provenance, result_key, status, created_at)
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?, 'queued', ?) RETURNING id",
         )
         .bind(job.sequence_id)
         .bind(serde_json::to_string(&job.spec)?)
@@ -262,10 +286,20 @@ impl Store {
         .bind(&job.provenance.label)
         .bind(&job.project)
         .bind(serde_json::to_string(&job.provenance)?)
+        .bind(&job.result_key)
         .bind(now)
         .fetch_one(&self.writer)
         .await?;
         Ok(id)
+    }
+
+    /// The newest finished job with this key.
+    pub async fn answer_to(&self, result_key: &str) -> Result<Option<i64>, StoreError> {
+        let found = sqlx::query_scalar("SELECT max(id) FROM jobs WHERE result_key = ? AND status = 'done'")
+            .bind(result_key)
+            .fetch_one(&self.readers)
+            .await?;
+        Ok(found)
     }
 
     /// The job with this number.

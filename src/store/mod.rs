@@ -6,6 +6,7 @@
 //! A report becomes visible whole or not at all: [`Store::finish`] writes every row of a job, and the job's `done`, in
 //! one transaction. Results measured elsewhere go through [`Ingest`], which commits many at once.
 
+mod bench;
 mod checks;
 mod columns;
 mod convert;
@@ -26,6 +27,7 @@ mod verdicts;
 mod webhooks;
 mod writing;
 
+pub use bench::{BenchFilter, BenchRun};
 pub use checks::{Check, Unchecked};
 pub use data_folder::{DataFolder, FolderError};
 pub use ingest::{Ingest, KeptAnswer};

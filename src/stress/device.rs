@@ -5,7 +5,7 @@ use crate::{
     gpu::{Floats, Gpu, GpuError, Readback, ReadbackPool, Timer},
     image::Image,
     sequence::{Channels, Frame, Sizes, frame::Rgb},
-    taa::{Fault, Inputs, Precision, Recipe, Repeat, Resolver},
+    taa::{Fault, Inputs, Options, Precision, Recipe, Repeat, Resolver, Skip},
 };
 use std::collections::BTreeSet;
 
@@ -45,6 +45,7 @@ pub struct Device<'a> {
     pub gpu: &'a Gpu,
     pub recipe: &'a Recipe,
     pub precision: Precision,
+    pub skip: Skip,
     pub fault: Option<Fault<'a>>,
 }
 
@@ -86,7 +87,11 @@ impl Device<'_> {
     }
 
     pub fn resolver(&self, sizes: Sizes) -> Result<Resolver, GpuError> {
-        Resolver::with_fault(self.gpu, self.recipe.clone(), self.precision, sizes, self.fault)
+        let options = Options {
+            precision: self.precision,
+            skip: self.skip,
+        };
+        Resolver::with_fault(self.gpu, self.recipe.clone(), options, sizes, self.fault)
     }
 
     /// Room for a frame of a segment with all that the recipe may read.
@@ -99,7 +104,11 @@ impl Device<'_> {
             ..Channels::default()
         });
         let wanted = BTreeSet::from([self.recipe.preparation()]);
-        Inputs::with_fault(self.gpu, segment.sizes, channels, &wanted, self.fault)
+        let mut inputs = Inputs::with_fault(self.gpu, segment.sizes, channels, &wanted, self.fault)?;
+        if self.skip != Skip::Off {
+            inputs.track_changes(self.gpu, self.recipe.reach_px())?;
+        }
+        Ok(inputs)
     }
 }
 

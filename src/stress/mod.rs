@@ -30,7 +30,7 @@ use crate::{
     image::Extent,
     run::{PresetSpec, RunError},
     taa::{
-        Fault, PRESETS, Precision, Preset, Recipe,
+        Fault, PRESETS, Precision, Preset, Recipe, Skip,
         recipe::{Algorithm, Guards, HistoryFilter},
     },
 };
@@ -321,6 +321,7 @@ impl Planned<'_> {
             gpu,
             recipe,
             precision: self.stored_precision(),
+            skip: Skip::Off,
             fault,
         };
         if let Some(reason) = too_large(&scenario) {

@@ -8,11 +8,11 @@ use super::{
     scenario::{Asks, DISPLAY, Frames, Order, Scenario, Segment},
 };
 use crate::{
-    gpu::{Gpu, GpuError, Variant},
+    gpu::{Gpu, GpuError, Variant, Workgroup},
     image::Image,
     sequence::frame::Rgb,
     taa::{
-        Recipe,
+        Recipe, Skip,
         recipe::{Algorithm, Domain, HistoryFilter, InputFilter, Neighbourhood, Rectify, Weight},
         reference::{Twin, color::Color},
     },
@@ -223,7 +223,7 @@ fn equal_bits(
     findings: &mut Findings,
 ) -> Result<(), GpuError> {
     let again = |device: Device<'_>| device.resolve(segment, |index| (segment.frames)(index));
-    let with_tiles = |workgroup| {
+    let shaped = |workgroup| {
         device.gpu.with(Variant {
             workgroup: Some(workgroup),
             cache: Some(Default::default()),
@@ -241,11 +241,18 @@ fn equal_bits(
     };
     match order {
         Order::Repeat => compare("when run again", &again(device)?),
+        Order::Skip => {
+            let skipping = Device {
+                skip: Skip::Exact,
+                ..device
+            };
+            compare("where what repeats is skipped", &again(skipping)?);
+        }
         Order::Tiles => {
-            for shape in [[8, 8], [64, 1], [4, 16]] {
-                let gpu: Gpu = with_tiles(shape);
+            for shape in [[8, 8], [64, 1], [4, 16]].map(|[x, y]| Workgroup::new(x, y)) {
+                let gpu: Gpu = shaped(shape);
                 let found = again(Device { gpu: &gpu, ..device })?;
-                compare(&format!("with tiles of {}×{}", shape[0], shape[1]), &found);
+                compare(&format!("with workgroups of {shape}"), &found);
             }
         }
         Order::Threads => {

@@ -113,6 +113,8 @@ pub enum Order {
     Repeat,
     /// How many threads of the host take part.
     Threads,
+    /// Whether what repeats is computed again.
+    Skip,
     /// The shape of the tiles that invocations are grouped in, and so their order.
     Tiles,
 }

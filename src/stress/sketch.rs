@@ -16,7 +16,7 @@ use crate::{
         },
     },
     sequence::{Frame, Sizes},
-    taa::{Precision, Recipe, recipe::InputFilter, reference::Twin},
+    taa::{Precision, Recipe, Skip, recipe::InputFilter, reference::Twin},
 };
 use serde_json::json;
 use std::{fs, io, path::Path, sync::Arc};
@@ -309,6 +309,7 @@ impl Sketch {
             gpu,
             recipe,
             precision,
+            skip: Skip::Off,
             fault: None,
         };
         device.resolve(&segment, |index| (segment.frames)(index))

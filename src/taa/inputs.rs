@@ -3,6 +3,7 @@
 
 use super::{
     Carried, Fault, Preparation, Recipe, Source,
+    changes::{Changes, n_tiles},
     fault::planted,
     merge::Merge,
     recipe::{Guards, InputFilter},
@@ -21,6 +22,7 @@ use wgpu::TextureFormat;
 #[derive(Debug)]
 pub struct Inputs {
     sizes: Sizes,
+    channels: Channels,
     has_history: bool,
     jitter_px: [f64; 2],
     far: f32,
@@ -34,12 +36,40 @@ pub struct Inputs {
     object_id: Carried,
     motion: Texture,
     reactive: Texture,
+    tracked: Option<Tracked>,
     /// Where pixels have several samples or layers.
     merge: Option<Merge>,
     prepared: BTreeMap<Preparation, Prepared>,
     /// Bound where a recipe does not read what another would.
     nothing: Texture,
     no_ids: Texture,
+}
+
+/// What is known of how the frame repeats the one before.
+#[derive(Debug)]
+struct Tracked {
+    changes: Changes,
+    /// The changes' flags of every tile.
+    flags: wgpu::Buffer,
+    /// Their regions.
+    regions: wgpu::Buffer,
+    is_repeat: bool,
+    was_repeat: bool,
+    keeps: bool,
+    keeps_jitter: bool,
+}
+
+/// How the frame repeats the one before, for [`super::tiles`].
+#[derive(Clone, Copy, Debug)]
+pub struct Repetition<'a> {
+    /// Flags of every tile; see [`super::changes::flag`].
+    pub flags: &'a wgpu::Buffer,
+    /// And their regions.
+    pub regions: &'a wgpu::Buffer,
+    /// Both frames have history, and all else that passes are told of a frame is the same, jitter aside.
+    pub keeps: bool,
+    /// Jitter, too.
+    pub keeps_jitter: bool,
 }
 
 /// A frame as the passes of one recipe see it.
@@ -107,6 +137,7 @@ impl Inputs {
             };
             Self {
                 sizes,
+                channels,
                 has_history: false,
                 jitter_px: [0.0; 2],
                 far: 1.0,
@@ -121,6 +152,7 @@ impl Inputs {
                 motion: if_read(channels.motion, "motion", motion_format),
                 reactive: if_read(channels.reactive, "reactive mask", TextureFormat::R32Float),
                 albedo: if_read(channels.albedo, "albedo", TextureFormat::Rgba32Float),
+                tracked: None,
                 merge,
                 prepared,
                 nothing: Texture::new(gpu, "nothing", Extent::new(1, 1), TextureFormat::Rgba32Float),
@@ -129,44 +161,119 @@ impl Inputs {
         })
     }
 
+    /// Compares every frame with the one before from now on, so that recipes that look as far as `reach_px`
+    /// ([`Recipe::reach_px`]) may skip what repeats.
+    pub fn track_changes(&mut self, gpu: &Gpu, reach_px: u32) -> Result<(), GpuError> {
+        let extent = self.sizes.render;
+        let buffer = |label, n_words: usize| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: 4 * n_words as u64,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let n_tiles = n_tiles(extent);
+        let (flags, regions) = gpu.scope("making room for tiles", || {
+            (
+                buffer("flags of tiles", n_tiles),
+                buffer("regions of tiles", 2 * n_tiles),
+            )
+        })?;
+        self.tracked = Some(Tracked {
+            changes: Changes::new(extent, self.channels, reach_px),
+            flags,
+            regions,
+            is_repeat: false,
+            was_repeat: false,
+            keeps: false,
+            keeps_jitter: false,
+        });
+        Ok(())
+    }
+
     /// Uploads `frame`, which must have the channels that were asked for.
     pub fn upload(&mut self, gpu: &Gpu, frame: &Frame) -> Result<(), GpuError> {
+        self.track(gpu, frame);
         self.has_history = frame.index > 0 && !frame.reset;
         self.jitter_px = frame.jitter_px;
         self.far = frame.finite_far() as f32;
         self.parity = frame.parity.unwrap_or_default();
         self.display = frame.display;
-        let render = self.sizes.render;
-        let is_read = |texture: &Texture| texture.extent() == render;
-        // Merging writes colour, depth and motion where there is something to merge.
-        let merges = self.merge.is_some();
-        let is_uploaded = |texture: &Texture| is_read(texture) && !merges;
+        // Depth and object ids alternate between two textures: a repeat finds its own there only if the frame before was one.
+        let (is_repeat, is_second) = self.tracked.as_ref().map_or((false, false), |tracked| {
+            (tracked.is_repeat, tracked.is_repeat && tracked.was_repeat)
+        });
         gpu.scope("uploading a frame", || {
-            match &self.merge {
-                Some(merge) => merge.upload(gpu, frame),
-                None => self.color.write_rgb(gpu, &frame.color),
-            }
-            if let (Some(texture), Some(image)) = (&self.unjittered_color, &frame.unjittered_color) {
-                texture.write_rgb(gpu, image);
-            }
-            if let Some(albedo) = frame.albedo.as_ref().filter(|_| is_read(&self.albedo)) {
-                self.albedo.write_rgb(gpu, albedo);
-            }
             self.depth.advance();
-            if let Some(depth) = frame.depth.as_ref().filter(|_| is_uploaded(self.depth.current())) {
-                self.depth.current().write_scalar(gpu, depth);
-            }
             self.object_id.advance();
-            if let Some(ids) = frame.object_id.as_ref().filter(|_| is_read(self.object_id.current())) {
-                self.object_id.current().write_u32(gpu, ids);
+            if !is_second {
+                self.upload_carried(gpu, frame);
             }
-            if let Some(motion) = frame.motion_px.as_ref().filter(|_| is_uploaded(&self.motion)) {
-                self.motion.write_vec2(gpu, motion);
-            }
-            if let Some(reactive) = frame.reactive.as_ref().filter(|_| is_read(&self.reactive)) {
-                self.reactive.write_scalar(gpu, reactive);
+            if !is_repeat {
+                self.upload_current(gpu, frame);
             }
         })
+    }
+
+    /// Compares `frame` with the one before.
+    fn track(&mut self, gpu: &Gpu, frame: &Frame) {
+        let Some(tracked) = &mut self.tracked else { return };
+        let has_history = frame.index > 0 && !frame.reset;
+        // Which pixels are shaded matters to `checkerboard` alone, which keeps none.
+        let told = (self.has_history, self.far, self.display);
+        tracked.changes.see(frame);
+        gpu.queue
+            .write_buffer(&tracked.flags, 0, bytemuck::cast_slice(tracked.changes.tiles()));
+        gpu.queue
+            .write_buffer(&tracked.regions, 0, bytemuck::cast_slice(tracked.changes.regions()));
+        tracked.was_repeat = tracked.is_repeat;
+        tracked.is_repeat = tracked.changes.is_repeat() && self.display == frame.display;
+        tracked.keeps = has_history && told == (true, frame.finite_far() as f32, frame.display);
+        tracked.keeps_jitter = self.jitter_px == frame.jitter_px;
+    }
+
+    fn upload_carried(&self, gpu: &Gpu, frame: &Frame) {
+        if let Some(depth) = frame.depth.as_ref().filter(|_| self.is_uploaded(self.depth.current())) {
+            self.depth.current().write_scalar(gpu, depth);
+        }
+        let ids = frame.object_id.as_ref();
+        if let Some(ids) = ids.filter(|_| self.is_read(self.object_id.current())) {
+            self.object_id.current().write_u32(gpu, ids);
+        }
+    }
+
+    fn upload_current(&self, gpu: &Gpu, frame: &Frame) {
+        match &self.merge {
+            Some(merge) => merge.upload(gpu, frame),
+            None => self.color.write_rgb(gpu, &frame.color),
+        }
+        if let (Some(texture), Some(image)) = (&self.unjittered_color, &frame.unjittered_color) {
+            texture.write_rgb(gpu, image);
+        }
+        if let Some(albedo) = frame.albedo.as_ref().filter(|_| self.is_read(&self.albedo)) {
+            self.albedo.write_rgb(gpu, albedo);
+        }
+        if let Some(motion) = frame.motion_px.as_ref().filter(|_| self.is_uploaded(&self.motion)) {
+            self.motion.write_vec2(gpu, motion);
+        }
+        if let Some(reactive) = frame.reactive.as_ref().filter(|_| self.is_read(&self.reactive)) {
+            self.reactive.write_scalar(gpu, reactive);
+        }
+    }
+
+    fn is_read(&self, texture: &Texture) -> bool {
+        texture.extent() == self.sizes.render
+    }
+
+    /// Merging writes colour, depth and motion where there is something to merge.
+    fn is_uploaded(&self, texture: &Texture) -> bool {
+        self.is_read(texture) && self.merge.is_none()
+    }
+
+    /// Whether everything that depends on the frame's images alone is there already.
+    fn is_repeat(&self) -> bool {
+        self.tracked.as_ref().is_some_and(|tracked| tracked.is_repeat)
     }
 
     /// Records the preparation of every colour wanted, in their order, as often as `repeat` says.
@@ -202,7 +309,11 @@ impl Inputs {
                 .bind("repaired_texels", &prepared.repaired_texels)
                 .uniform("display", &self.display_fields())
                 .over(recorder.gpu, self.sizes.render)?;
-            recorder.record_from_zero(&dispatch, &prepared.repaired_texels)?;
+            // A repeat has its colour, and as many repaired texels.
+            match self.is_repeat() {
+                true => recorder.record_unless(true, &dispatch)?,
+                false => recorder.record_counting(&dispatch, &[&prepared.repaired_texels])?,
+            }
         }
         Ok(())
     }
@@ -242,6 +353,26 @@ impl<'a> View<'a> {
         Self { color, ..self }
     }
 
+    /// Whether the frame's images are those of the frame before.
+    pub fn is_repeat(self) -> bool {
+        self.inputs.is_repeat()
+    }
+
+    /// How the frame repeats the one before.
+    ///
+    /// # Panics
+    /// Where changes are not tracked.
+    pub fn repetition(self) -> Repetition<'a> {
+        let tracked = self.inputs.tracked.as_ref();
+        let tracked = tracked.expect("a recipe that skips comes with tracked inputs");
+        Repetition {
+            flags: &tracked.flags,
+            regions: &tracked.regions,
+            keeps: tracked.keeps,
+            keeps_jitter: tracked.keeps_jitter,
+        }
+    }
+
     pub fn sizes(self) -> Sizes {
         self.inputs.sizes
     }
@@ -254,22 +385,21 @@ impl<'a> View<'a> {
     /// (`shaders/taa/temporal/recipe.wgsl`).
     pub fn bind_to(self, pass: &'a Pass) -> Invocation<'a> {
         let inputs = self.inputs;
-        let previous_depth = match self.recipe.reads_previous_depth() {
-            true => inputs.depth.previous(),
-            false => &inputs.nothing,
-        };
-        let previous_ids = match self.recipe.reject_id {
-            true => inputs.object_id.previous(),
-            false => &inputs.no_ids,
-        };
+        // Shaders name more images than a recipe's pipeline reads.
+        let reads = self.recipe.required_channels().union(self.recipe.optional_channels());
+        let if_read = |is_read: bool, image: &'a Texture| if is_read { image } else { &inputs.nothing };
+        let ids = |image: &'a Texture| if reads.object_id { image } else { &inputs.no_ids };
         self.bind_frame_to(pass)
             .offer("color", self.color)
-            .offer("depth", inputs.depth.current())
-            .offer("previous_depth", previous_depth)
-            .offer("object_id", inputs.object_id.current())
-            .offer("previous_object_id", previous_ids)
-            .offer("motion", &inputs.motion)
-            .offer("reactive_mask", &inputs.reactive)
+            .offer("depth", if_read(reads.depth, inputs.depth.current()))
+            .offer(
+                "previous_depth",
+                if_read(self.recipe.reads_previous_depth(), inputs.depth.previous()),
+            )
+            .offer("object_id", ids(inputs.object_id.current()))
+            .offer("previous_object_id", ids(inputs.object_id.previous()))
+            .offer("motion", if_read(reads.motion, &inputs.motion))
+            .offer("reactive_mask", if_read(reads.reactive, &inputs.reactive))
     }
 
     /// The same for a pass that looks at none of the frame's images.

@@ -5,6 +5,7 @@
 //! Knows images, frames and the GPU; nothing of metrics, reports or the service.
 
 mod carried;
+mod changes;
 mod checkerboard;
 mod fault;
 mod inputs;
@@ -15,18 +16,23 @@ pub mod recipe;
 mod recorder;
 pub mod reference;
 mod resolver;
+mod skip;
 mod smaa_area;
 mod sobel2018;
 mod spatial;
 mod temporal;
+mod tiles;
 pub mod validation;
 
+pub use changes::TILE;
 pub use fault::Fault;
 pub use inputs::Inputs;
 pub use preset::{PRESETS, Preset, UnknownPreset};
 pub use recipe::{Recipe, RecipeError, SizesError};
 pub use recorder::{Recorder, Repeat, Step, Watch};
 pub use resolver::Resolver;
+pub use skip::Skip;
+pub use tiles::Kept;
 
 use crate::sequence::Channels;
 use carried::Carried;
@@ -43,6 +49,24 @@ pub enum Precision {
     F16,
     /// 32-bit float.
     F32,
+}
+
+/// How a recipe is run, apart from what it computes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Options {
+    /// How history is stored.
+    pub precision: Precision,
+    /// Which work may be left out.
+    pub skip: Skip,
+}
+
+impl From<Precision> for Options {
+    fn from(precision: Precision) -> Self {
+        Self {
+            precision,
+            ..Self::default()
+        }
+    }
 }
 
 impl Precision {

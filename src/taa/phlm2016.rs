@@ -62,7 +62,7 @@ impl Phlm {
             .bind_to(&self.still)
             .bind("moves", &self.moves)
             .over(recorder.gpu, view.sizes().render)?;
-        recorder.record_from_zero(&still, &self.moves)?;
+        recorder.record_counting(&still, &[&self.moves])?;
         let model = view
             .bind_to(&self.model)
             .bind("coefficients", self.coefficients.previous())

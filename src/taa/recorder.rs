@@ -1,6 +1,10 @@
 //! Where a recipe's passes are recorded.
 
-use crate::gpu::{Dispatch, Gpu, GpuError, Kept, Timer};
+use super::tiles::{List, Tiles};
+use crate::{
+    gpu::{Dispatch, Gpu, GpuError, Invocation, Kept, Timer},
+    image::Extent,
+};
 
 /// How often the passes of a submission run.
 #[derive(Clone, Copy, Debug)]
@@ -13,14 +17,14 @@ pub enum Repeat {
 
 /// Sees every pass as soon as it is recorded, before the next one is.
 pub trait Watch: std::fmt::Debug {
-    /// `encoder` holds what was recorded since it last was submitted; the watch may submit it and leave another. `cleared` is
-    /// the buffer that was cleared before the pass.
+    /// `encoder` holds what was recorded since it last was submitted; the watch may submit it and leave another. `counters` are
+    /// the buffers whose first word was set to 0 before the pass.
     fn recorded(
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
-        cleared: Option<&wgpu::Buffer>,
+        counters: &[&wgpu::Buffer],
     ) -> Result<(), GpuError>;
 }
 
@@ -28,14 +32,14 @@ pub trait Watch: std::fmt::Debug {
 #[derive(Clone, Debug)]
 pub struct Step {
     pass: Kept,
-    cleared: Option<wgpu::Buffer>,
+    counters: Vec<wgpu::Buffer>,
 }
 
 impl Step {
     /// Records it, untimed.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
-        if let Some(buffer) = &self.cleared {
-            encoder.clear_buffer(buffer, 0, None);
+        for counter in &self.counters {
+            encoder.clear_buffer(counter, 0, Some(4));
         }
         self.pass.record(encoder);
     }
@@ -48,11 +52,11 @@ impl Watch for Vec<Step> {
         _gpu: &Gpu,
         _encoder: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
-        cleared: Option<&wgpu::Buffer>,
+        counters: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
         self.push(Step {
             pass: dispatch.keep(),
-            cleared: cleared.cloned(),
+            counters: counters.iter().map(|&counter| counter.clone()).collect(),
         });
         Ok(())
     }
@@ -76,28 +80,53 @@ pub struct Recorder<'a> {
 impl Recorder<'_> {
     /// Records a pass.
     pub fn record(&mut self, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
-        self.record_after(dispatch, None)
+        self.record_counting(dispatch, &[])
     }
 
-    /// Records a pass that adds to `sum`, which is cleared before each time.
-    pub fn record_from_zero(&mut self, dispatch: &Dispatch<'_>, sum: &wgpu::Buffer) -> Result<(), GpuError> {
-        self.record_after(dispatch, Some(sum))
+    /// Records a pass over the tiles of a list, or over every pixel where there is none: as it was compiled.
+    pub(super) fn record_tiled(
+        &mut self,
+        pass: Invocation<'_>,
+        tiles: Option<(&Tiles, &List)>,
+        extent: Extent,
+    ) -> Result<(), GpuError> {
+        let dispatch = match tiles {
+            None => pass.over(self.gpu, extent)?,
+            Some((tiles, list)) => pass
+                .bind("listed_tiles", &list.tiles)
+                .offer("notes", tiles.notes())
+                .indirect(self.gpu, &list.dispatch)?,
+        };
+        self.record(&dispatch)
     }
 
-    fn record_after(&mut self, dispatch: &Dispatch<'_>, cleared: Option<&wgpu::Buffer>) -> Result<(), GpuError> {
+    /// Records a pass whose results depend on the frame's images alone: over nothing where the frame repeats the one before,
+    /// and they are there already.
+    pub(super) fn record_unless(&mut self, is_repeat: bool, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
+        match (is_repeat, self.repeat) {
+            (true, Repeat::Timed(n)) => {
+                (0..n).for_each(|_| dispatch.record_nothing(self.encoder, self.timer.time()));
+                Ok(())
+            }
+            _ => self.record(dispatch),
+        }
+    }
+
+    /// Records a pass that counts in the first words of `counters`, which are set to 0 before each time.
+    pub fn record_counting(&mut self, dispatch: &Dispatch<'_>, counters: &[&wgpu::Buffer]) -> Result<(), GpuError> {
         match self.repeat {
             Repeat::WarmUp => dispatch.record_corner(self.encoder),
             Repeat::Timed(n) => {
                 for _ in 0..n {
-                    if let Some(buffer) = cleared {
-                        self.encoder.clear_buffer(buffer, 0, None);
+                    for counter in counters {
+                        self.encoder.clear_buffer(counter, 0, Some(4));
                     }
                     dispatch.record(self.encoder, self.timer.time());
                 }
             }
         }
         match &mut self.watch {
-            Some(watch) => watch.recorded(self.gpu, self.encoder, dispatch, cleared),
+            Some(watch) => watch.recorded(self.gpu, self.encoder, dispatch, counters),
             None => Ok(()),
         }
     }

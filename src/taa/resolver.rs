@@ -1,16 +1,18 @@
 //! One recipe on the GPU: its specialised passes and what they keep from frame to frame.
 
 use super::{
-    Fault, Inputs, Precision, Recipe,
+    Fault, Inputs, Options, Recipe,
     checkerboard::Checkerboard,
     phlm2016::Phlm,
     recipe::Algorithm,
     recorder::{Recorder, Repeat, Step},
+    skip::Skip,
     spatial::Antialiasing,
     temporal::{Builder, Temporal},
+    tiles::{Kept, Tiles},
 };
 use crate::{
-    gpu::{Bound, Gpu, GpuError, Texture, Timer},
+    gpu::{Bound, Gpu, GpuError, Readback, Texture, Timer},
     sequence::Sizes,
 };
 use wgpu::TextureFormat;
@@ -33,19 +35,20 @@ enum Passes {
 }
 
 impl Resolver {
-    /// Compiles the passes of `recipe` and makes room for frames of `sizes`.
-    pub fn new(gpu: &Gpu, recipe: Recipe, precision: Precision, sizes: Sizes) -> Result<Self, GpuError> {
-        Self::with_fault(gpu, recipe, precision, sizes, None)
+    /// Compiles the passes of `recipe` and makes room for frames of `sizes`. A [`super::Precision`] alone will do for `options`.
+    pub fn new(gpu: &Gpu, recipe: Recipe, options: impl Into<Options>, sizes: Sizes) -> Result<Self, GpuError> {
+        Self::with_fault(gpu, recipe, options, sizes, None)
     }
 
     /// The same with a mistake in one pass.
     pub fn with_fault(
         gpu: &Gpu,
         recipe: Recipe,
-        precision: Precision,
+        options: impl Into<Options>,
         sizes: Sizes,
         fault: Option<Fault<'_>>,
     ) -> Result<Self, GpuError> {
+        let options = options.into();
         let refused = |message: String| GpuError::Pass {
             pass: "resolve".to_owned(),
             message,
@@ -54,7 +57,8 @@ impl Resolver {
         recipe.check_sizes(sizes).map_err(|error| refused(error.to_string()))?;
         let builder = Builder {
             gpu,
-            precision: recipe.precision(precision),
+            precision: recipe.precision(options.precision),
+            keeps_tiles: recipe.keeps_tiles(options.skip, sizes),
             recipe: &recipe,
             sizes,
             fault,
@@ -79,7 +83,7 @@ impl Resolver {
     }
 
     /// Records the passes of [`Recipe::passes`] for the frame in `inputs`, as often as `repeat` says: what is read is never
-    /// written, so that running one again changes nothing.
+    /// written, so that running one again changes nothing. Where tiles are skipped, the inputs must track changes.
     pub fn resolve(
         &mut self,
         gpu: &Gpu,
@@ -109,6 +113,14 @@ impl Resolver {
             Passes::Temporal(temporal) => temporal.record(recorder, view, &self.shown),
             Passes::Phlm2016(phlm) => phlm.record(recorder, view, &self.shown),
             Passes::Checkerboard(checkerboard) => checkerboard.record(recorder, view, &self.shown),
+        }
+    }
+
+    /// Copies back which tiles of the last frame were kept; none where the recipe keeps none.
+    pub fn copy_kept(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Option<Kept> {
+        match &self.passes {
+            Passes::Temporal(temporal) => Some(temporal.tiles()?.copy_back(gpu, encoder, readback)),
+            Passes::Phlm2016(_) | Passes::Checkerboard(_) => None,
         }
     }
 
@@ -156,5 +168,11 @@ impl Recipe {
             Algorithm::Checkerboard => passes.extend(Checkerboard::PASSES),
         }
         passes
+    }
+
+    /// The same where `skip` is asked for.
+    pub fn passes_skipping(&self, skip: Skip, sizes: Sizes) -> Vec<&'static str> {
+        let classify = self.keeps_tiles(skip, sizes).then_some(Tiles::PASS);
+        classify.into_iter().chain(self.passes()).collect()
     }
 }

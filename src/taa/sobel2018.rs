@@ -1,6 +1,6 @@
 //! The edges that widen the box `sobel` (`shaders/taa/sobel2018`): found in the frame, then made stable over time.
 
-use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder};
+use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder, tiles::Tiles};
 use crate::gpu::{GpuError, Pass, Texture};
 use wgpu::TextureFormat;
 
@@ -23,7 +23,7 @@ impl Edges {
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
         let [find, stabilise] = Self::PASSES;
         let find = builder.pass(find, EDGES, &[])?;
-        let stabilise = builder.pass(stabilise, STABILISE, &[])?;
+        let stabilise = builder.tiled_pass(stabilise, STABILISE)?;
         let (gpu, extent) = (builder.gpu, builder.sizes.render);
         let scalar = |label| Texture::new(gpu, label, extent, TextureFormat::R32Float);
         gpu.scope("making room for edges", || Self {
@@ -35,21 +35,26 @@ impl Edges {
         })
     }
 
-    pub fn record(&mut self, recorder: &mut Recorder<'_>, view: View<'_>) -> Result<(), GpuError> {
+    pub fn record(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        view: View<'_>,
+        tiles: Option<&Tiles>,
+    ) -> Result<(), GpuError> {
         self.history.advance();
         let find = view
             .bind_to(&self.find)
             .bind("edges", &self.edges)
             .over(recorder.gpu, view.sizes().render)?;
-        recorder.record(&find)?;
+        recorder.record_unless(view.is_repeat(), &find)?;
         let stabilise = view
             .bind_to(&self.stabilise)
             .bind("edges", &self.edges)
             .bind("edge_history", self.history.previous())
             .bind("next_edge_history", self.history.current())
-            .bind("stabilised", &self.stable)
-            .over(recorder.gpu, view.sizes().render)?;
-        recorder.record(&stabilise)
+            .bind("stabilised", &self.stable);
+        let tiles = tiles.map(|tiles| (tiles, tiles.listed()));
+        recorder.record_tiled(stabilise, tiles, view.sizes().render)
     }
 
     /// What the edges leave to the next frame.

@@ -6,8 +6,13 @@ mod prefilter;
 mod quasi_cubic;
 
 use super::{
-    Carried, Fault, Precision, Recipe, fault::planted, inputs::View, recipe::Sharpen, recorder::Recorder,
+    Carried, Fault, Precision, Recipe,
+    fault::planted,
+    inputs::View,
+    recipe::Sharpen,
+    recorder::Recorder,
     sobel2018::Edges,
+    tiles::{self, Tiles},
 };
 use crate::{
     gpu::{Bound, Gpu, GpuError, Pass, Texture},
@@ -16,7 +21,7 @@ use crate::{
 };
 use chain::{Chain, DIFFERENCE};
 use moments::Moments;
-use prefilter::Prefilter;
+pub use prefilter::Prefilter;
 use wgpu::TextureFormat;
 
 /// What every pass of a recipe is compiled with.
@@ -51,17 +56,31 @@ pub struct Builder<'a> {
     pub recipe: &'a Recipe,
     pub precision: Precision,
     pub sizes: Sizes,
+    pub keeps_tiles: bool,
     pub fault: Option<Fault<'a>>,
 }
 
 impl Builder<'_> {
     /// Compiles a pass of the recipe; `overrides` are its own.
     pub fn pass(&self, name: &str, text: &str, overrides: &[(&str, f64)]) -> Result<Pass, GpuError> {
+        self.compile(name, text, tiles::EVERY_PIXEL, overrides)
+    }
+
+    /// Compiles a pass that runs over listed tiles where the recipe keeps others.
+    pub fn tiled_pass(&self, name: &str, text: &str) -> Result<Pass, GpuError> {
+        if !self.keeps_tiles {
+            return self.pass(name, text, &[]);
+        }
+        let notes_settled = ("notes_settled", f64::from(u8::from(self.recipe.keeps_carried_tiles())));
+        self.compile(name, text, tiles::LISTED, &[notes_settled])
+    }
+
+    fn compile(&self, name: &str, text: &str, grid: &str, overrides: &[(&str, f64)]) -> Result<Pass, GpuError> {
         let store = match self.precision {
             Precision::F16 => HISTORY_F16,
             Precision::F32 => HISTORY_F32,
         };
-        let sources: Vec<_> = [text].into_iter().chain(SHARED).chain([store]).collect();
+        let sources: Vec<_> = [text].into_iter().chain(SHARED).chain([store, grid]).collect();
         let sources = planted(self.fault, name, &sources)?;
         let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
         let overrides = [&self.recipe.overrides(), overrides].concat();
@@ -89,6 +108,7 @@ pub struct Temporal {
     difference: Option<Chain>,
     moments: Option<Moments>,
     edges: Option<Edges>,
+    tiles: Option<Tiles>,
     resolve: Pass,
     /// And the resolved image it reads, in the working domain.
     sharpen: Option<(Pass, Texture)>,
@@ -128,9 +148,10 @@ impl Temporal {
             .transpose()?;
         let moments = needs_moments(recipe).then(|| Moments::new(builder)).transpose()?;
         let edges = recipe.finds_edges().then(|| Edges::new(builder)).transpose()?;
-        let resolve = builder.pass("resolve", RESOLVE, &[])?;
+        let tiles = builder.keeps_tiles.then(|| Tiles::new(builder)).transpose()?;
+        let resolve = builder.tiled_pass("resolve", RESOLVE)?;
         let sharpen = (recipe.sharpen != Sharpen::None)
-            .then(|| builder.pass("sharpen", SHARPEN, &[]))
+            .then(|| builder.tiled_pass("sharpen", SHARPEN))
             .transpose()?;
         let unused = Extent::new(1, 1);
         let counted = if recipe.weight.counts() { extent } else { unused };
@@ -141,6 +162,7 @@ impl Temporal {
             difference,
             moments,
             edges,
+            tiles,
             resolve,
             sharpen: sharpen.map(|pass| (pass, builder.color("resolved", extent))),
             history: Carried::new(gpu, "history", kept, builder.history_format()),
@@ -153,6 +175,10 @@ impl Temporal {
     pub fn record(&mut self, recorder: &mut Recorder<'_>, view: View<'_>, shown: &Texture) -> Result<(), GpuError> {
         self.history.advance();
         self.n_samples.advance();
+        if let Some(tiles) = &mut self.tiles {
+            tiles.record(recorder, view)?;
+        }
+        let tiles = self.tiles.as_ref();
         let history = self.history.previous();
         let nothing = &self.nothing;
         if let Some(prefilter) = &self.prefilter {
@@ -166,7 +192,7 @@ impl Temporal {
             moments.record(recorder, view)?;
         }
         if let Some(edges) = &mut self.edges {
-            edges.record(recorder, view)?;
+            edges.record(recorder, view, tiles)?;
         }
         let resolve = view
             .bind_to(&self.resolve)
@@ -182,19 +208,16 @@ impl Temporal {
                 self.moments.as_ref().map_or(nothing, Moments::variances),
             )
             .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
-            .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved))
-            .over(recorder.gpu, view.sizes().output)?;
-        recorder.record(&resolve)?;
+            .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved));
+        let extent = view.sizes().output;
+        recorder.record_tiled(resolve, tiles.map(|tiles| (tiles, tiles.listed())), extent)?;
         if let Some((sharpen, resolved)) = &self.sharpen {
             let bound = match view.recipe().motion_blur {
                 true => view.bind_to(sharpen),
                 false => view.bind_no_image_to(sharpen),
             };
-            let sharpen = bound
-                .bind("resolved", resolved)
-                .bind("shown", shown)
-                .over(recorder.gpu, view.sizes().output)?;
-            recorder.record(&sharpen)?;
+            let sharpen = bound.bind("resolved", resolved).bind("shown", shown);
+            recorder.record_tiled(sharpen, tiles.map(|tiles| (tiles, tiles.beside())), extent)?;
         }
         Ok(())
     }
@@ -209,6 +232,13 @@ impl Temporal {
             kept.push(("edge history", edges.kept().into()));
         }
         kept
+    }
+}
+
+impl Temporal {
+    /// The lists of tiles, where any is kept.
+    pub fn tiles(&self) -> Option<&Tiles> {
+        self.tiles.as_ref()
     }
 }
 

@@ -90,13 +90,6 @@ fn levels(values: &[f64], cuts: &[(usize, f64)]) -> Vec<ChangePoint> {
         .collect()
 }
 
-/// Fisher and Yates.
-fn shuffle(random: &mut Random, values: &mut [f64]) {
-    for last in (1..values.len()).rev() {
-        values.swap(last, random.below(last + 1));
-    }
-}
-
 /// The best cut of a part, if chance seldom makes one as good.
 fn cut(values: &[f64], rule: &ChangeRule) -> Option<(usize, f64)> {
     let (index, energy) = best_cut(values, rule.min_segment)?;
@@ -109,7 +102,7 @@ fn cut(values: &[f64], rule: &ChangeRule) -> Option<(usize, f64)> {
     let allowed = (rule.p * (N_SHUFFLES + 1) as f64) as usize;
     let mut n_as_good = 1;
     for _ in 0..N_SHUFFLES {
-        shuffle(&mut random, &mut shuffled);
+        random.shuffle(&mut shuffled);
         if best_cut(&shuffled, rule.min_segment).is_some_and(|(_, other)| other >= energy) {
             n_as_good += 1;
             if n_as_good > allowed {

@@ -3,6 +3,7 @@
 
 mod alerts;
 mod assets;
+mod bench;
 mod format;
 mod job;
 mod jobs;
@@ -30,6 +31,7 @@ pub fn routes() -> Router<Arc<Service>> {
         .route("/jobs", get(jobs::page))
         .route("/jobs/{job}", get(job::page))
         .route("/sequences/{sequence}", get(sequence::page))
+        .route("/bench", get(bench::page))
         .route("/stress", get(stress::page))
         .route("/stress/{job}/cells/{index}", get(stress::cell))
         .route("/assets/{version}/{file}", get(assets::serve))

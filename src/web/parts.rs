@@ -66,11 +66,14 @@ pub fn place(branch: Option<&str>, commit: Option<&str>) -> Markup {
     }
 }
 
-/// What a job is about: its sequence, or the stress that it puts recipes under.
+/// What a job is about: its sequence, what it measures there, or the stress that it puts recipes under.
 pub fn subject(job: &Job) -> Markup {
     html! {
         @if job.spec.stress.is_some() { a href={ "/stress?job=" (job.id) } { "stress" } }
-        @else { a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) } }
+        @else {
+            a href={ "/sequences/" (job.sequence_hash) } { (job.sequence_name) }
+            @if job.spec.bench.is_some() { ", " a href={ "/bench?job=" (job.id) } { "time and error" } }
+        }
     }
 }
 

@@ -89,6 +89,47 @@ fn a_job_from_upload_to_trend() {
     check_series(&client, &reports[3]);
 }
 
+#[test]
+fn what_was_asked_before_is_answered_from_the_store() {
+    let service = TestService::with_gpu();
+    let client = service.client();
+    client.put("pan", &packed("pan"));
+    let job =
+        json!({"sequence": "pan", "presets": ["none"], "metrics": ["psnr"], "images": "none", "commit": "c0ffee"});
+    let id = client.start_job(&job);
+    // While it is not done there is nothing to answer with.
+    let first = client.wait_for(id, &["done"]);
+    assert!(first.get("answered_from_store").is_none());
+    let again = client.post_job(&job);
+    assert_eq!(again.status, 200, "{}", again.text());
+    assert_eq!(again.header("location"), format!("/api/v1/jobs/{id}"));
+    let again = again.json();
+    assert_eq!(
+        (&again["id"], &again["answered_from_store"]),
+        (&json!(id), &json!(true))
+    );
+    assert_eq!(again["reports"], first["reports"]);
+    // Whatever results follow from, if it differs: run.
+    for (field, value) in [
+        ("force", json!(true)),
+        ("presets", json!(["ema"])),
+        ("metrics", json!(["ssim"])),
+        ("history", json!("f32")),
+        ("frames", json!(4)),
+        ("skip", json!("exact")),
+        ("commit", json!("decaf")),
+    ] {
+        let mut other = job.clone();
+        other[field] = value;
+        let answer = client.post_job(&other);
+        assert_eq!(answer.status, 202, "{field}: {}", answer.text());
+        client.wait_for(answer.json()["id"].as_i64().unwrap(), &["done"]);
+    }
+    // Another content under the same name is another sequence.
+    client.put("pan", &packed("static"));
+    assert_eq!(client.post_job(&job).status, 202);
+}
+
 /// Names and data of a job's events until the stream ends.
 fn follow(service: &TestService, id: i64) -> Vec<(String, Value)> {
     let response = ureq::get(service.url(&format!("/api/v1/jobs/{id}/events")))

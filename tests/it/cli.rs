@@ -304,6 +304,41 @@ fn run_validates_the_adapter() {
 }
 
 #[test]
+fn bench_prints_points_noise_and_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let [svg, csv] = ["front.svg", "points.csv"].map(|name| folder.path().join(name));
+    let json = succeed(&[
+        "bench",
+        "fixtures/pan",
+        "--preset",
+        "none,ema",
+        "--sweep",
+        "skip=off,exact",
+        "--metrics",
+        "psnr",
+        "--json",
+        "-",
+        "--svg",
+        svg.to_str().unwrap(),
+        "--csv",
+        csv.to_str().unwrap(),
+    ]);
+    let output: Value = serde_json::from_str(&json).unwrap();
+    let points = output["points"].as_array().unwrap();
+    assert_eq!(points.len(), 4);
+    assert_eq!(points[1]["parameters"]["skip"], "exact");
+    assert_eq!(points[0]["metrics"], points[1]["metrics"], "skipping changes nothing");
+    assert!(output["noise"]["pan"]["relative"].as_f64().unwrap() > 0.0);
+    assert!(std::fs::read_to_string(svg).unwrap().starts_with("<svg"));
+    let csv = std::fs::read_to_string(csv).unwrap();
+    assert_eq!(csv.lines().count(), 5, "{csv}");
+    assert!(csv.starts_with("sequence,preset,parameters,median_ms,"), "{csv}");
+    let wrong = refuse(&["bench", "fixtures/pan", "--preset", "ema", "--sweep", "current_weight"]);
+    assert!(wrong.contains("NAME=VALUE"), "{wrong}");
+    refuse(&["bench"]);
+}
+
+#[test]
 fn check_says_what_is_wrong_and_exits_with_it() {
     let clean = succeed(&["check", "fixtures/pan"]);
     assert!(

@@ -35,7 +35,7 @@ impl Watch for Count {
         _: &Gpu,
         _: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
-        _: Option<&wgpu::Buffer>,
+        _: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
         let size = |bound: Bound<'_>| match bound {
             Bound::Texture(texture) => f64::from(texture.texel_bytes()) * texture.extent().n_pixels() as f64,

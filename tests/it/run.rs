@@ -9,7 +9,7 @@ use afterimage::{
     metrics::{Metric, Value},
     run::{self, MetricsOn, Observer, PresetSpec, RunError, RunSpec, Validate, report::Report},
     sequence::{Sequence, frame::Rgb},
-    taa::Precision,
+    taa::{Precision, Skip},
 };
 use std::{
     path::Path,
@@ -36,6 +36,8 @@ pub fn spec(presets: &[&str]) -> RunSpec {
         repeat: 1,
         metrics_on: MetricsOn::Cpu,
         validate: Validate::No,
+        until: None,
+        skip: Skip::Off,
     }
 }
 
@@ -338,4 +340,32 @@ fn a_run_can_be_validated() {
     assert!(!report.agrees() && report.is_finite());
     let cancelled = run::execute(&wanted, &sequence, gpu(), &Count::new(14));
     assert!(matches!(cancelled, Err(RunError::Cancelled)), "{cancelled:?}");
+}
+
+/// The report speaks of the frames that ran.
+#[test]
+fn a_run_can_end_when_it_knows_enough() {
+    let sequence = sequence("fixtures/pan");
+    let until = |text: &str| RunSpec {
+        until: Some(text.parse().unwrap()),
+        ..spec(&["none", "ema"])
+    };
+    let n_all = sequence.n_frames();
+    let early = run::execute(&until("psnr±100"), &sequence, gpu(), &Count::new(usize::MAX)).unwrap();
+    let n_frames = early.sequence.n_frames;
+    assert!(n_frames < n_all, "{n_frames} of {n_all}");
+    for preset in &early.reports {
+        assert_eq!(preset.frames.len(), n_frames);
+        assert_eq!(preset.frames.iter().filter(|frame| !frame.warmup).count(), 6);
+        let notes = &preset.notes;
+        assert!(notes.iter().any(|note| note.contains("psnr±100")), "{notes:?}");
+    }
+    let never = run::execute(&until("psnr±1e-9"), &sequence, gpu(), &Count::new(usize::MAX)).unwrap();
+    assert_eq!(never.sequence.n_frames, n_all);
+    let absent = RunSpec {
+        metrics: Vec::new(),
+        ..until("psnr±1")
+    };
+    let refused = run::validate(&absent, &sequence).unwrap_err();
+    assert!(refused.to_string().contains("until"), "{refused}");
 }

@@ -42,9 +42,11 @@ fn parse(source: &str) -> Result<naga::Module, String> {
 /// A pass together with the files it is compiled with.
 fn module_of(pass: &Path, files: &[PathBuf]) -> String {
     // A recipe's passes share what lies beside them; of two files that stand in for each other one is enough.
-    let stands_in = ["history_f32.wgsl", "classes.wgsl", "shares.wgsl"];
+    let stands_in = ["history_f32.wgsl", "listed.wgsl", "classes.wgsl", "shares.wgsl"];
     let of_recipe = pass.iter().any(|part| part == "taa")
-        && !["prepare.wgsl", "merge.wgsl"].iter().any(|name| pass.ends_with(name));
+        && !["prepare.wgsl", "merge.wgsl", "classify.wgsl"]
+            .iter()
+            .any(|name| pass.ends_with(name));
     let mut module = fs::read_to_string(pass).unwrap();
     let shared = files.iter().filter(|path| {
         let text = fs::read_to_string(path).unwrap();
@@ -89,8 +91,14 @@ fn every_pass_is_valid() {
         .collect();
     assert!(passes.len() >= 2, "{passes:?}");
     for pass in passes {
-        if let Err(error) = parse(&module_of(pass, &files)) {
+        let module = module_of(pass, &files);
+        if let Err(error) = parse(&module) {
             panic!("{}: {error}", pass.display());
+        }
+        let everywhere = include_str!("../../shaders/taa/tiles/every_pixel.wgsl");
+        let listed = module.replace(everywhere, include_str!("../../shaders/taa/tiles/listed.wgsl"));
+        if let Err(error) = parse(&listed) {
+            panic!("{} over listed tiles: {error}", pass.display());
         }
     }
 }

@@ -12,7 +12,7 @@ use afterimage::{
         JobSpec, MAX_ATTEMPTS, NewJob, NewReport, NewSequence, Provenance, ReportFilter, SeriesFilter, Status, Store,
         StoreError, Subject, System, SystemKind, Timestamp, condense,
     },
-    taa::Precision,
+    taa::{Precision, Skip},
 };
 use std::{collections::BTreeMap, path::Path, time::Duration};
 use tempfile::TempDir;
@@ -65,10 +65,13 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
                 repeat: 1,
                 metrics_on: MetricsOn::Auto,
                 validate: Validate::No,
+                until: None,
+                skip: Skip::Off,
             },
             images: Images::Half,
             outputs: None,
             stress: None,
+            bench: None,
         },
         project: DEFAULT_PROJECT.to_owned(),
         provenance: Provenance {
@@ -76,6 +79,7 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
             commit: Some("0123abcd".to_owned()),
             ..Provenance::default()
         },
+        result_key: None,
     }
 }
 
@@ -104,6 +108,7 @@ fn report(presets: &[&str], psnr: &[f64]) -> Report {
         parameters: serde_json::json!({"current_weight": 0.1}),
         notes: vec!["the input is jittered".to_owned()],
         validation: None,
+        skipped: None,
         frames: psnr.iter().enumerate().map(|(i, &x)| frame(i, x)).collect(),
         summary: BTreeMap::from([(
             "psnr".to_owned(),

@@ -325,7 +325,7 @@ impl Watch for Covered<'_> {
         _: &Gpu,
         _: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
-        _: Option<&wgpu::Buffer>,
+        _: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
         let planes = self.twin.compute(dispatch.label(), self.frame);
         for plane in &planes {

@@ -12,11 +12,12 @@ override WORKGROUP_Y: u32 = 8u;
 @group(0) @binding(13) var stabilised: texture_storage_2d<r32float, write>;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(color))) {
+fn main(invocation: Invocation) {
+    let id = pixel_of(invocation);
+    if (any(id >= textureDimensions(color))) {
         return;
     }
-    let p = vec2i(id.xy);
+    let p = vec2i(id);
     var stable = sample_bilinear(edges, vec2f(p) + 0.5 - frame.jitter_px).r;
     let at = reprojected(p);
     if (at.has_history) {
@@ -24,8 +25,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let h = clamp(sample_bilinear(edge_history, at.q).r, bounds.x, bounds.y);
         stable = mix(h, stable, luma_feedback(stable, h));
     }
-    textureStore(next_edge_history, id.xy, vec4f(round_history(vec3f(stable)), 0.0));
-    textureStore(stabilised, id.xy, vec4f(stable));
+    let stored = round_history(vec3f(stable));
+    textureStore(next_edge_history, id, vec4f(stored, 0.0));
+    // The resolve looks at the edges of its neighbours.
+    note_changed_beside(id, stored.x, fetch(edge_history, p).r);
+    textureStore(stabilised, id, vec4f(stable));
 }
 
 // The average of the ranges of the cross and of the 3×3.

@@ -11,9 +11,8 @@ override WORKGROUP_Y: u32 = 8u;
 @group(0) @binding(12) var n_samples: texture_2d<f32>;
 @group(0) @binding(13) var next_n_samples: texture_storage_2d<r32float, write>;
 
-// History at `at`, rectified and blended with `current`; `n` samples with this one.
-fn accumulated(p: vec2i, at: Reprojection, current: vec3f, n: f32) -> vec3f {
-    let unrectified = filtered_history(at.q);
+// History, `unrectified` as it was read at `at`, rectified and blended with `current`; `n` samples with this one.
+fn accumulated(p: vec2i, at: Reprojection, unrectified: vec3f, current: vec3f, n: f32) -> vec3f {
     var h = unrectified;
     var bounds = ColorBox();
     if (neighbourhood != NEIGHBOURHOOD_NONE) {
@@ -24,11 +23,12 @@ fn accumulated(p: vec2i, at: Reprojection, current: vec3f, n: f32) -> vec3f {
 }
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(shown))) {
+fn main(invocation: Invocation) {
+    let id = pixel_of(invocation);
+    if (any(id >= textureDimensions(shown))) {
         return;
     }
-    let p = vec2i(id.xy);
+    let p = vec2i(id);
     var at = Reprojection();
     if (history_filter != HISTORY_NONE || motion_blur && sharpen == SHARPEN_NONE) {
         at = reprojected(p);
@@ -36,17 +36,24 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let has_history = history_filter != HISTORY_NONE && at.has_history;
     let current = current_color(p, has_history);
     var resolved = current;
+    var read = vec3f(-1.0);
     var n = 1.0;
     if (has_history) {
         if (counts_samples()) {
             n += fetch(n_samples, vec2i(floor(at.q))).r;
         }
-        resolved = accumulated(p, at, current, n);
+        read = filtered_history(at.q);
+        resolved = accumulated(p, at, read, current, n);
     }
     resolved = saturated(resolved);
-    textureStore(next_history, id.xy, vec4f(round_history(resolved), 1.0));
+    if (history_filter != HISTORY_NONE) {
+        let stored = round_history(resolved);
+        textureStore(next_history, id, vec4f(stored, 1.0));
+        // Where nothing moves, what was read lay at this texel; where colour is flat, the current colour is its own texel's.
+        note_stored(stored, read, round_history(current));
+    }
     if (counts_samples()) {
-        textureStore(next_n_samples, id.xy, vec4f(n));
+        textureStore(next_n_samples, id, vec4f(n));
     }
     if (sharpen == SHARPEN_NONE) {
         if (motion_blur) {
@@ -54,5 +61,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         }
         resolved = from_domain(resolved, domain);
     }
-    textureStore(shown, id.xy, vec4f(resolved, 1.0));
+    textureStore(shown, id, vec4f(resolved, 1.0));
 }

@@ -42,11 +42,12 @@ fn contrast_limited_lobe(lo: vec3f, hi: vec3f) -> f32 {
 }
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(shown))) {
+fn main(invocation: Invocation) {
+    let id = pixel_of(invocation);
+    if (any(id >= textureDimensions(shown))) {
         return;
     }
-    let p = vec2i(id.xy);
+    let p = vec2i(id);
     var c = max(sharpened(p), vec3f(0.0));
     if (domain == DOMAIN_TONEMAPPED) {
         c = min(c, vec3f(TONEMAPPED_MAX));
@@ -57,5 +58,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (motion_blur) {
         c = blur_along_motion(p, c, dilated_motion(p));
     }
-    textureStore(shown, id.xy, vec4f(from_domain(c, domain), 1.0));
+    textureStore(shown, id, vec4f(from_domain(c, domain), 1.0));
 }

@@ -84,5 +84,5 @@ fn blend(h: vec3f, current: vec3f, a: f32) -> vec3f {
         let wc = a / (1.0 + luma(current));
         return (h * wh + current * wc) / (wh + wc);
     }
-    return mix(h, current, a);
+    return lerp(h, current, a);
 }

@@ -1,5 +1,4 @@
-//! The same work done otherwise must give the same bits. Skipping tiles will belong here: on and off, as `Order::Tiles` does
-//! with their shape.
+//! The same work done otherwise must give the same bits.
 
 use super::super::scenario::{Asks, Built, Hazard, Order, Setup, halton_px, moving, noise};
 use crate::image::Extent;
@@ -25,7 +24,38 @@ pub const HAZARDS: &[Hazard] = &[
         quick: false,
         build: |setup| ordered(setup, Order::Tiles),
     },
+    Hazard {
+        id: "order.skip",
+        about: "with what repeats computed and left out, bit for bit: a scene that stands still, moves and stands still again",
+        quick: true,
+        build: settling,
+    },
 ];
+
+/// A flat sky above a scene. All rests for eight frames; the sky then has another colour and the camera moves and jitters for
+/// four; and all rests again.
+fn settling(setup: &Setup<'_>) -> Built {
+    let sizes = setup.sizes(Extent::new(70, 53))?;
+    let seed = setup.seed;
+    Ok(
+        setup.scenario(sizes, setup.frames(20, 13), Asks::Order(Order::Skip), move |index| {
+            let moves = (8..12).contains(&index);
+            let at = [0.7, 0.2].map(|step| step * (index.clamp(7, 11) - 7) as f64);
+            let mut frame = moving(sizes, index, seed, at);
+            if moves {
+                frame.jitter_px = halton_px(index);
+                frame.motion_px = frame.motion_px.map(|motion| motion.map(|_| [0.7, 0.2]));
+            } else {
+                frame.jitter_px = [0.0; 2];
+            }
+            let width = sizes.render.width as usize;
+            let sky = width * (sizes.render.height as usize * 2 / 3);
+            let of_sky = if index < 8 { [0.35, 0.5, 0.8] } else { [0.8, 0.4, 0.1] };
+            frame.color.pixels_mut()[..sky].fill(of_sky);
+            frame
+        }),
+    )
+}
 
 fn ordered(setup: &Setup<'_>, order: Order) -> Built {
     let sizes = setup.sizes(EXTENT)?;

@@ -58,7 +58,7 @@ impl Moments {
             .bind("means", &self.rows.means)
             .bind("variances", &self.rows.variances)
             .over(recorder.gpu, Extent::new(width.div_ceil(n), height))?;
-        recorder.record(&rows)?;
+        recorder.record_unless(view.is_repeat(), &rows)?;
         let columns = view
             .bind_to(&self.along_columns)
             .bind("row_means", &self.rows.means)
@@ -66,7 +66,7 @@ impl Moments {
             .bind("means", &self.windows.means)
             .bind("variances", &self.windows.variances)
             .over(recorder.gpu, Extent::new(width, height.div_ceil(n)))?;
-        recorder.record(&columns)
+        recorder.record_unless(view.is_repeat(), &columns)
     }
 
     /// The mean of each pixel's window.

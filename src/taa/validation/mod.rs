@@ -155,7 +155,7 @@ impl Watch for Follow<'_> {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
-        _cleared: Option<&wgpu::Buffer>,
+        _counters: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
         let pass = dispatch.label();
         let expected = self.twins.f64.compute(pass, self.frame);

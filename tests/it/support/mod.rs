@@ -11,7 +11,7 @@ use afterimage::{
         gpu::{DeviceTrack, GpuMetrics, Recording, ScoredFrame},
     },
     sequence::{Channels, Frame, frame::Rgb},
-    taa::{Inputs, Precision, Recipe, Repeat, Resolver},
+    taa::{Inputs, Options, Precision, Recipe, Repeat, Resolver, Skip},
 };
 use std::{
     collections::BTreeSet,
@@ -119,6 +119,16 @@ pub fn resolve_on_gpu(
     precision: Precision,
     frames: impl Iterator<Item = Frame>,
 ) -> Vec<(Image<Rgb>, u64)> {
+    let resolved = resolve_skipping(recipe, precision.into(), frames).into_iter();
+    resolved.map(|(image, n_repaired, _)| (image, n_repaired)).collect()
+}
+
+/// As [`resolve_on_gpu`], and the share of each frame's tiles that was kept.
+pub fn resolve_skipping(
+    recipe: &Recipe,
+    options: Options,
+    frames: impl Iterator<Item = Frame>,
+) -> Vec<(Image<Rgb>, u64, f64)> {
     let gpu = gpu();
     let pool = ReadbackPool::default();
     let mut frames = frames.peekable();
@@ -133,8 +143,12 @@ pub fn resolve_on_gpu(
     let wanted = BTreeSet::from([recipe.preparation()]);
     let n_merges = usize::from(channels.several.is_some());
     let mut inputs = Inputs::new(gpu, sizes, channels, &wanted).unwrap();
-    let mut resolver = Resolver::new(gpu, recipe.clone(), precision, sizes).unwrap();
-    let mut timer = Timer::new(gpu, 2 + recipe.passes().len() as u32);
+    if options.skip != Skip::Off {
+        inputs.track_changes(gpu, recipe.reach_px()).unwrap();
+    }
+    let mut resolver = Resolver::new(gpu, recipe.clone(), options, sizes).unwrap();
+    let passes = recipe.passes_skipping(options.skip, sizes);
+    let mut timer = Timer::new(gpu, 2 + passes.len() as u32);
     frames
         .map(|frame| {
             inputs.upload(gpu, &frame).unwrap();
@@ -147,20 +161,21 @@ pub fn resolve_on_gpu(
             let shown = readback.copy_texture(gpu, &mut encoder, resolver.shown());
             let count = inputs.repaired_texels(recipe.preparation());
             let count = readback.copy_buffer(gpu, &mut encoder, count, 4);
+            let kept = resolver.copy_kept(gpu, &mut encoder, &mut readback);
             let times = timer.finish(gpu, &mut encoder, &mut readback);
             let submission = gpu.queue.submit([encoder.finish()]);
             readback.map();
             gpu.wait(submission).unwrap();
             let n_timed = times.read(&readback).unwrap().len();
             assert!(
-                [0, n_merges + 1 + recipe.passes().len()].contains(&n_timed),
-                "{n_timed} passes were recorded, `prepare` and {:?} announced",
-                recipe.passes()
+                [0, n_merges + 1 + passes.len()].contains(&n_timed),
+                "{n_timed} passes were recorded, `prepare` and {passes:?} announced"
             );
             let n_repaired = readback.bytes(count).unwrap()[..4].try_into().map(u32::from_le_bytes);
             (
                 readback.rgb(shown, sizes.output).unwrap(),
                 u64::from(n_repaired.unwrap()),
+                kept.map_or(0.0, |kept| kept.share(&readback).unwrap()),
             )
         })
         .collect()

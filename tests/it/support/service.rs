@@ -3,7 +3,10 @@
 use afterimage::{
     config::Config,
     image::files::{Backend, FileReader, Limits},
-    run::{Observer, RunError, RunSpec, report::Report},
+    run::{
+        Observer, RunError, RunSpec,
+        report::{AdapterInfo, Report},
+    },
     sequence::Sequence,
     server::{Running, ServeError},
     worker::{GpuRunner, Runner},
@@ -47,8 +50,8 @@ impl TestService {
     /// With a worker that runs jobs on the GPU.
     pub fn with_gpu() -> Self {
         let (runner, adapter) = GpuRunner::new(None, reader());
-        adapter.expect("these tests need a Vulkan driver: install mesa-vulkan-drivers");
-        Self::start(runner, &[])
+        let adapter = adapter.expect("these tests need a Vulkan driver: install mesa-vulkan-drivers");
+        Self::start_on(tempfile::tempdir().unwrap(), runner, &[], Ok(adapter))
     }
 
     pub fn start(runner: impl Runner + 'static, arguments: &[&str]) -> Self {
@@ -56,12 +59,20 @@ impl TestService {
     }
 
     pub fn start_in(data: TempDir, runner: impl Runner + 'static, arguments: &[&str]) -> Self {
+        Self::start_on(data, runner, arguments, Err("no adapter in this test".to_owned()))
+    }
+
+    pub fn start_on(
+        data: TempDir,
+        runner: impl Runner + 'static,
+        arguments: &[&str],
+        adapter: Result<AdapterInfo, String>,
+    ) -> Self {
         let config = config(data.path(), arguments);
         let (started, address) = std::sync::mpsc::channel();
         let thread = thread::spawn(move || {
             tokio::runtime::Runtime::new().unwrap().block_on(async {
-                let no_adapter = Err("no adapter in this test".to_owned());
-                let running = Running::start(config, reader(), runner, no_adapter).await?;
+                let running = Running::start(config, reader(), runner, adapter).await?;
                 started.send((running.address, running.stop_token())).unwrap();
                 running.run().await
             })

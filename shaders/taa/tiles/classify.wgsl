@@ -1,0 +1,90 @@
+// Lists the tiles that have something to do. A tile is kept where all that its pixels would be computed from is, bit by bit,
+// what it was in the frame before, and its history is what both textures hold: then the same arithmetic would show and
+// store what is there. src/taa/tiles.rs says which recipes, and why. One invocation a tile.
+
+override WORKGROUP_X: u32 = 64u;
+override WORKGROUP_Y: u32 = 1u;
+
+struct Wanted {
+    // Of the flags in src/taa/changes.rs, those that a tile must have to be kept where it is.
+    flags: u32,
+    // And to be kept as part of a flat surface, wherever that moves.
+    carried: u32,
+    // Number of tiles along x and y.
+    size: vec2u,
+}
+
+// What is noted of a tile's history: a pixel stored what was not there before; a pixel stored what is not its current colour;
+// all that the tile reads of history was settled.
+const CHANGED: u32 = 1u;
+const UNSETTLED: u32 = 2u;
+const READ_SETTLED: u32 = 4u;
+
+@group(0) @binding(0) var<storage, read> frame_flags: array<u32>;
+// First and last tile, x | y << 16 each, of which a tile reads history.
+@group(0) @binding(1) var<storage, read> regions: array<vec2u>;
+@group(0) @binding(2) var<storage, read> notes_before: array<u32>;
+@group(0) @binding(3) var<storage, read_write> notes: array<u32>;
+// The first three of a list's words are its dispatch: number of tiles, workgroups a tile, 1.
+@group(0) @binding(4) var<storage, read_write> dispatch: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read_write> listed_tiles: array<u32>;
+// For a pass that looks at its neighbours' results: the tiles beside them, too.
+@group(0) @binding(6) var<storage, read_write> dispatch_beside: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> listed_beside: array<u32>;
+@group(0) @binding(8) var<uniform> wanted: Wanted;
+
+fn index_of(tile: vec2u) -> u32 {
+    return tile.y * wanted.size.x + tile.x;
+}
+
+fn reads_settled(tile: vec2u) -> bool {
+    let index = index_of(tile);
+    if ((frame_flags[index] & wanted.carried) != wanted.carried) {
+        return false;
+    }
+    let region = regions[index];
+    var noted = 0u;
+    for (var y = region.x >> 16u; y <= region.y >> 16u; y++) {
+        for (var x = region.x & 0xffffu; x <= (region.y & 0xffffu); x++) {
+            noted |= notes_before[index_of(vec2u(x, y))];
+        }
+    }
+    return (noted & UNSETTLED) == 0u;
+}
+
+fn is_kept(tile: vec2u) -> bool {
+    let index = index_of(tile);
+    let before = notes_before[index];
+    if ((frame_flags[index] & wanted.flags) == wanted.flags && (before & CHANGED) == 0u) {
+        return true;
+    }
+    return (before & (READ_SETTLED | UNSETTLED)) == READ_SETTLED && reads_settled(tile);
+}
+
+fn all_kept_beside(tile: vec2u) -> bool {
+    var kept = true;
+    for (var y = max(tile.y, 1u) - 1u; y <= min(tile.y + 1u, wanted.size.y - 1u); y++) {
+        for (var x = max(tile.x, 1u) - 1u; x <= min(tile.x + 1u, wanted.size.x - 1u); x++) {
+            kept = kept && is_kept(vec2u(x, y));
+        }
+    }
+    return kept;
+}
+
+@compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (any(id.xy >= wanted.size)) {
+        return;
+    }
+    let tile = id.x | (id.y << 16u);
+    let index = index_of(id.xy);
+    let kept = is_kept(id.xy);
+    // Whoever is kept stores nothing that could be noted.
+    notes[index] = select(0u, READ_SETTLED, reads_settled(id.xy)) | select(0u, notes_before[index] & UNSETTLED, kept);
+    if (!kept) {
+        listed_tiles[atomicAdd(&dispatch[0], 1u)] = tile;
+    }
+    if (!all_kept_beside(id.xy)) {
+        listed_beside[atomicAdd(&dispatch_beside[0], 1u)] = tile;
+    }
+}

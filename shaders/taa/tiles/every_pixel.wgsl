@@ -1,0 +1,13 @@
+// A pass over every pixel. Stands in for listed.wgsl where nothing is skipped, so that no binding is left of it.
+
+struct Invocation {
+    @builtin(global_invocation_id) global: vec3u,
+}
+
+fn pixel_of(invocation: Invocation) -> vec2u {
+    return invocation.global.xy;
+}
+
+fn note_stored(c: vec3f, before: vec3f, settled: vec3f) {}
+
+fn note_changed_beside(p: vec2u, c: f32, before: f32) {}

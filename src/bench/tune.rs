@@ -1,0 +1,87 @@
+//! Which shape of workgroups is fastest on an adapter: measured on one made-up frame, to be kept
+//! ([`Gpu::keep_workgroup`]) for every later run.
+
+use super::BenchError;
+use crate::{
+    gpu::{Gpu, Timer, Variant, Workgroup},
+    image::{Extent, Image},
+    metrics::Display,
+    random::lattice,
+    run::process_cpu_ms,
+    sequence::{Frame, Sizes},
+    statistics::median,
+    taa::{Inputs, Precision, Preset, Repeat, Resolver},
+};
+use std::collections::BTreeSet;
+
+const EXTENT: Extent = Extent::new(960, 540);
+const N_ROUNDS: usize = 9;
+/// Reads everything that recipes commonly read.
+const PRESET: &str = "karis2014";
+
+/// Each candidate with its milliseconds a frame, fastest first.
+pub fn tune(gpu: &Gpu) -> Result<Vec<(Workgroup, f64)>, BenchError> {
+    let recipe = &Preset::find(PRESET).expect("a preset of this crate").recipe;
+    let sizes = Sizes::native(EXTENT);
+    let wanted = BTreeSet::from([recipe.preparation()]);
+    let mut inputs = Inputs::new(gpu, sizes, recipe.required_channels(), &wanted)?;
+    inputs.upload(gpu, &textured())?;
+    let mut candidates = Vec::new();
+    for workgroup in Workgroup::CANDIDATES {
+        let gpu = gpu.with(Variant {
+            workgroup: Some(workgroup),
+            cache: None,
+        });
+        let resolver = Resolver::new(&gpu, recipe.clone(), Precision::F16, sizes)?;
+        candidates.push((workgroup, resolver, Vec::new()));
+    }
+    let mut untimed = Timer::new(gpu, 0);
+    // The first round compiles.
+    for round in 0..=N_ROUNDS {
+        for (_, resolver, times) in &mut candidates {
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            inputs.prepare(gpu, &mut encoder, &mut untimed, Repeat::WarmUp)?;
+            resolver.resolve(gpu, &mut encoder, &inputs, &mut untimed, Repeat::Timed(1))?;
+            let (wall, cpu) = (std::time::Instant::now(), process_cpu_ms());
+            gpu.wait(gpu.queue.submit([encoder.finish()]))?;
+            let ms = match gpu.is_cpu() {
+                true => process_cpu_ms() - cpu,
+                false => wall.elapsed().as_secs_f64() * 1e3,
+            };
+            if round > 0 {
+                times.push(ms);
+            }
+        }
+    }
+    let mut measured: Vec<_> = candidates
+        .into_iter()
+        .map(|(workgroup, _, times)| (workgroup, median(&times)))
+        .collect();
+    measured.sort_by(|a, b| a.1.total_cmp(&b.1));
+    Ok(measured)
+}
+
+/// Every texel different, motion everywhere, two depths: nothing here is easy on the caches.
+fn textured() -> Frame {
+    let hash = |x: u32, y: u32| lattice(i64::from(x), i64::from(y), 0) as f32;
+    Frame {
+        index: 1,
+        reset: false,
+        jitter_px: [0.125, -0.25],
+        far: 100.0,
+        output_size: EXTENT,
+        display: Display::default(),
+        parity: None,
+        color: Image::from_fn(EXTENT, |x, y| [hash(x, y), hash(y, x), 2.0 * hash(x + y, x)]),
+        depth: Some(Image::from_fn(EXTENT, |x, y| {
+            if (x / 40 + y / 40) % 2 == 0 { 2.0 } else { 5.0 }
+        })),
+        motion_px: Some(Image::from_fn(EXTENT, |x, y| [1.5 + hash(x / 40, y / 40), -0.75])),
+        object_id: None,
+        albedo: None,
+        reactive: None,
+        unjittered_color: None,
+        reference: None,
+        others: None,
+    }
+}
