@@ -57,9 +57,6 @@ pub enum BakeError {
     /// Something is there already.
     #[error("{}: the folder is not empty; name another or empty it", .0.display())]
     NotEmpty(PathBuf),
-    /// A glTF file cannot be rendered.
-    #[error(transparent)]
-    Gltf(#[from] gltf::GltfError),
     /// Observed to be cancelled.
     #[error("cancelled")]
     Cancelled,

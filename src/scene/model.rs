@@ -271,6 +271,15 @@ impl Default for Scene {
     }
 }
 
+impl std::fmt::Debug for Scene {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Scene")
+            .field("n_meshes", &self.meshes.len())
+            .field("n_objects", &self.objects.len())
+            .finish_non_exhaustive()
+    }
+}
+
 impl Scene {
     /// The shot that frame `index` belongs to.
     pub fn shot(&self, index: usize) -> usize {

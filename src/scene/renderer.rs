@@ -11,7 +11,7 @@ use crate::{
     image::{Extent, Image},
 };
 use glam::{DMat4, DVec3};
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 /// How textures are looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,7 +105,7 @@ const MAX_LIGHTS: usize = 4;
 /// A scene on the device.
 pub(super) struct Renderer<'g> {
     gpu: &'g Gpu,
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     texturing: Texturing,
     pipelines: Pipelines,
     meshes: Vec<DeviceMesh>,
@@ -130,7 +130,7 @@ pub(super) struct PreparedFrame {
 }
 
 impl<'g> Renderer<'g> {
-    pub fn new(gpu: &'g Gpu, scene: Scene, texturing: Texturing) -> Result<Self, GpuError> {
+    pub fn new(gpu: &'g Gpu, scene: Arc<Scene>, texturing: Texturing) -> Result<Self, GpuError> {
         let n_lights = (scene.lighting)(0.0).points.len();
         assert!(n_lights <= MAX_LIGHTS, "a scene has at most {MAX_LIGHTS} lamps");
         let pipelines = Pipelines::new(gpu, &scene, n_lights)?;

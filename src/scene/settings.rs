@@ -3,6 +3,7 @@
 use super::{BakeError, builtin, gltf::GltfScene, model::Scene, pattern::Pattern, renderer::Texturing};
 use crate::{gpu::Gpu, image::Extent, sequence::jitter::JitterSequence};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// A sequence to bake.
 #[derive(Clone, Debug, Serialize)]
@@ -70,11 +71,11 @@ impl BakeSettings {
         }
     }
 
-    /// Builds the scene.
-    pub(super) fn build(&self) -> Result<Scene, BakeError> {
+    /// The scene, built where it is one of ours.
+    pub(super) fn build(&self) -> Result<Arc<Scene>, BakeError> {
         match &self.gltf {
-            Some(gltf) => Ok(gltf.scene()?),
-            None => Ok((builtin::find(&self.scene)?.build)(self.seed)),
+            Some(gltf) => Ok(gltf.scene()),
+            None => Ok(Arc::new((builtin::find(&self.scene)?.build)(self.seed))),
         }
     }
 

@@ -45,8 +45,8 @@ pub struct GltfError {
     pub problem: String,
 }
 
-/// A scene in a glTF file, and how it is seen.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A scene from a glTF file, and how it is seen.
+#[derive(Clone, Debug, Serialize)]
 pub struct GltfScene {
     #[serde(skip)]
     path: PathBuf,
@@ -59,6 +59,9 @@ pub struct GltfScene {
     /// Whose it is, as the file says.
     #[serde(skip)]
     pub copyright: Option<String>,
+    /// What the file held when it was opened: nothing is read a second time, so what is baked is what was hashed.
+    #[serde(skip)]
+    scene: Arc<Scene>,
 }
 
 impl GltfScene {
@@ -80,19 +83,19 @@ impl GltfScene {
                 problem,
             })?,
         };
-        let mut scene = Self {
+        let failed = |problem| GltfError {
+            file: path.to_owned(),
+            problem,
+        };
+        let data = Data::open(path).map_err(failed)?;
+        Ok(Self {
+            scene: Arc::new(assemble(&data, &camera, animation).map_err(failed)?),
             path: path.to_owned(),
-            sha256: String::new(),
+            sha256: data.sha256(),
             camera,
             animation: animation.map(str::to_owned),
-            copyright: None,
-        };
-        let data = scene.read()?;
-        scene.sha256 = data.sha256();
-        let asset = &data.document.as_json().asset;
-        scene.copyright = asset.copyright.clone();
-        scene.build(&data)?;
-        Ok(scene)
+            copyright: data.document.as_json().asset.copyright.clone(),
+        })
     }
 
     /// The file's name without its ending.
@@ -108,60 +111,38 @@ impl GltfScene {
         name.chars().map(plain).collect()
     }
 
-    /// The scene, from the file that was opened.
-    ///
-    /// # Errors
-    /// Where the file is another by now.
-    pub fn scene(&self) -> Result<Scene, GltfError> {
-        let data = self.read()?;
-        match data.sha256() == self.sha256 {
-            true => self.build(&data),
-            false => Err(self.error("has changed since it was opened; bake again".to_owned())),
-        }
+    /// The scene itself.
+    pub(super) fn scene(&self) -> Arc<Scene> {
+        Arc::clone(&self.scene)
     }
+}
 
-    fn error(&self, problem: String) -> GltfError {
-        GltfError {
-            file: self.path.clone(),
-            problem,
-        }
+fn assemble(data: &Data, camera: &View, animation: Option<&str>) -> Result<Scene, String> {
+    let rig = Arc::new(Rig::new(data, animation)?);
+    let mut builder = Builder {
+        data,
+        rig: Arc::clone(&rig),
+        scene: Scene::default(),
+        looks: Looks::default(),
+        meshes: HashMap::new(),
+        n_vertices: 0,
+    };
+    let nodes: Vec<Node<'_>> = data.document.nodes().collect();
+    for &index in &rig.order {
+        builder
+            .add(&nodes[index])
+            .map_err(|error| format!("node {index}: {error}"))?;
     }
-
-    fn read(&self) -> Result<Data, GltfError> {
-        Data::open(&self.path).map_err(|problem| self.error(problem))
-    }
-
-    fn build(&self, data: &Data) -> Result<Scene, GltfError> {
-        self.assemble(data).map_err(|problem| self.error(problem))
-    }
-
-    fn assemble(&self, data: &Data) -> Result<Scene, String> {
-        let rig = Arc::new(Rig::new(data, self.animation.as_deref())?);
-        let mut builder = Builder {
-            data,
-            rig: Arc::clone(&rig),
-            scene: Scene::default(),
-            looks: Looks::default(),
-            meshes: HashMap::new(),
-            n_vertices: 0,
-        };
-        let nodes: Vec<Node<'_>> = data.document.nodes().collect();
-        for &index in &rig.order {
-            builder
-                .add(&nodes[index])
-                .map_err(|error| format!("node {index}: {error}"))?;
-        }
-        let mut scene = builder.scene;
-        let bounds = bounds(&scene).ok_or("has no triangles in its scene")?;
-        let seen = view::camera(&self.camera, data, &rig, bounds, seconds)?;
-        (scene.camera, scene.cuts, scene.near) = (seen.camera, seen.cuts, seen.near);
-        scene.shadows = Some(ShadowRegion {
-            center: bounds.center,
-            radius: bounds.radius,
-            side: SHADOW_SIDE,
-        });
-        Ok(scene)
-    }
+    let mut scene = builder.scene;
+    let bounds = bounds(&scene).ok_or("has no triangles in its scene")?;
+    let seen = view::camera(camera, data, &rig, bounds, seconds)?;
+    (scene.camera, scene.cuts, scene.near) = (seen.camera, seen.cuts, seen.near);
+    scene.shadows = Some(ShadowRegion {
+        center: bounds.center,
+        radius: bounds.radius,
+        side: SHADOW_SIDE,
+    });
+    Ok(scene)
 }
 
 /// When frame `time` is in an animation.
