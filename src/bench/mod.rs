@@ -99,6 +99,7 @@ pub enum Clock {
 
 /// One setting: what it costs and what it gives.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "BenchPoint")]
 pub struct Point {
     /// Name of the sequence.
     pub sequence: String,

@@ -20,7 +20,7 @@ use std::{
 /// More reports than any nightly has.
 const MAX_REPORTS: usize = 2000;
 /// As many results as any rule may look back at, with their repeats.
-const HISTORY: usize = 2000;
+pub(super) const HISTORY: usize = 2000;
 
 /// The body of `POST /verdicts`.
 #[derive(Deserialize, JsonSchema)]
@@ -186,7 +186,7 @@ async fn gather(
 }
 
 /// The history with the repeats of a commit taken together.
-fn past(points: Vec<crate::store::Point>) -> Vec<Past> {
+pub(super) fn past(points: Vec<crate::store::Point>) -> Vec<Past> {
     let alike = |a: &crate::store::Point, b: &crate::store::Point| {
         a.commit.is_some() && a.commit == b.commit && a.metric_version == b.metric_version
     };

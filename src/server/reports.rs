@@ -236,7 +236,7 @@ pub async fn series(
     }))
 }
 
-async fn find_series(service: &Service, id: i64) -> Result<Series, ApiError> {
+pub(super) async fn find_series(service: &Service, id: i64) -> Result<Series, ApiError> {
     let filter = SeriesFilter {
         id: Some(id),
         ..SeriesFilter::default()
@@ -350,7 +350,7 @@ fn point_table(points: Vec<Point>) -> Table {
 }
 
 /// Refuses what no report has: neither a metric of this program nor one that was posted.
-async fn check_metric(service: &Service, id: &str) -> Result<(), ApiError> {
+pub(super) async fn check_metric(service: &Service, id: &str) -> Result<(), ApiError> {
     let known = Metric::from_str(id);
     if id == GPU_TIME || known.is_ok() || service.store.metric_names().await?.iter().any(|name| name == id) {
         return Ok(());

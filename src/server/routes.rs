@@ -6,7 +6,8 @@ mod studies;
 pub use studies::studies;
 
 use super::{
-    admin, alerts, api::Api, blobs, catalog, events, frames, jobs, judging, reports, results, sequences, upload,
+    admin, alerts, api::Api, blobs, catalog, encoding, events, frames, jobs, judging, marks, reports, results,
+    sequences, upload,
 };
 use crate::{
     metrics::Listing,
@@ -17,7 +18,7 @@ use crate::{
 use axum::Json;
 use serde_json::json;
 
-const IMAGE_TYPES: [&str; 2] = ["image/png", "image/x-exr"];
+const IMAGE_TYPES: [&str; 3] = ["image/png", "image/x-exr", encoding::HALVES];
 const TABLE_TYPES: [&str; 2] = ["text/csv", "application/vnd.apache.parquet"];
 
 /// What there is, and the document itself.
@@ -174,9 +175,15 @@ pub fn sequences(api: Api) -> Api {
         .route(
             "GET /sequences/{sequence}/frames/{frame}/{image}",
             read,
-            ["getReferenceImage", "images", "A frame's reference"],
+            ["getSequenceImage", "images", "A frame's input or reference"],
             frames::of_sequence,
-            |o, _| o.media(200, "PNG in display values, EXR in linear RGB", &IMAGE_TYPES),
+            |o, _| {
+                o.query::<frames::SequenceImageQuery>().media(
+                    200,
+                    "PNG in display values, EXR and bare halves in linear RGB",
+                    &IMAGE_TYPES,
+                )
+            },
         )
         .route(
             "HEAD /blobs/{sha256}",
@@ -367,13 +374,13 @@ pub fn results(api: Api) -> Api {
         [
             "getReportImage",
             "images",
-            "A frame's output, reference, error, or map of a spatial metric",
+            "A frame's input, output, reference, error, or map of a spatial metric",
         ],
         frames::of_report,
         |o, _| {
             o.query::<frames::ImageQuery>().media(
                 200,
-                "PNG in display values or false colour, EXR as measured",
+                "PNG in display values or false colour, EXR and bare halves as measured",
                 &IMAGE_TYPES,
             )
         },
@@ -412,6 +419,20 @@ pub fn results(api: Api) -> Api {
             o.query::<reports::PointQuery>()
                 .answer::<reports::PointList>(s, 200, "Oldest first")
                 .media(200, "", &TABLE_TYPES)
+        },
+    )
+    .route(
+        "GET /series/{series}/marks",
+        read,
+        [
+            "getMarks",
+            "series",
+            "What a chart of a line draws beside its points: limits, baseline, changes of level",
+        ],
+        marks::get,
+        |o, s| {
+            o.query::<marks::MarkQuery>()
+                .answer::<marks::Marks>(s, 200, "By the rules of the branch")
         },
     )
 }

@@ -177,14 +177,41 @@ fn check_images(client: &Client, report: &Value, hash: &str) {
         (png.width(), png.height())
     };
     let base = format!("/reports/{}/frames/5", report["id"]);
-    for name in ["output", "reference", "error", "flip", "ssim.y"] {
+    for (name, n_channels) in [
+        ("input", 3),
+        ("output", 3),
+        ("reference", 3),
+        ("error", 1),
+        ("flip", 1),
+        ("ssim.y", 1),
+    ] {
         let png = client.get(&format!("{base}/{name}.png"));
         assert_eq!((png.status, png.header("content-type")), (200, "image/png"), "{name}");
         assert_eq!(size(&png), (64, 48), "{name}");
         let exr = client.get(&format!("{base}/{name}.exr"));
         assert_eq!((exr.status, exr.header("content-type")), (200, "image/x-exr"), "{name}");
         assert_eq!(exr.body[..4], [0x76, 0x2f, 0x31, 0x01], "{name}");
+        let halves = client.get(&format!("{base}/{name}.f16"));
+        assert_eq!(
+            halves.header("x-afterimage-size"),
+            format!("64x48x{n_channels}"),
+            "{name}"
+        );
+        assert_eq!(halves.body.len(), 64 * 48 * n_channels * 2, "{name}");
+        assert_eq!(
+            halves.header("x-afterimage-scale").is_empty(),
+            n_channels == 3,
+            "{name}"
+        );
+        assert_eq!(
+            size(&client.get(&format!("{base}/{name}.png?width=32"))),
+            (32, 24),
+            "{name}"
+        );
     }
+    client
+        .get(&format!("{base}/output.png?width=5"))
+        .is_problem(400, "bad_query", Some("width"), "16 to 4096");
     let of_sequence = client.get(&format!("/sequences/{hash}/frames/5/reference.png"));
     assert_eq!(of_sequence.body, client.get(&format!("{base}/reference.png")).body);
     let error = client.get(&format!("{base}/error.png?max=0.5"));

@@ -1,0 +1,202 @@
+//! `GET /series/{id}/marks`: what a chart draws beside a line's points. Limits and tolerances are those of the branch's rules;
+//! changes of level are found as verdicts find them.
+
+use super::{
+    ApiError, ApiPath, ApiQuery, Service, Shared,
+    judging::{HISTORY, past},
+    reports::{check_metric, find_series},
+};
+use crate::{
+    metrics::{Better, Value},
+    store::{Series, Timestamp, TrendFilter},
+    verdict::{Approved, Checks, Past, Tolerance, better, change::change_points},
+};
+use axum::{Json, extract::State};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// Query of `GET /series/{series}/marks`.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MarkQuery {
+    /// A metric's id, or `gpu_time_ms`.
+    #[schemars(length(min = 1, max = 100))]
+    metric: String,
+    /// Of this branch and its past, by its rules; without it, of all reports, by the rules of the newest one's branch.
+    branch: Option<String>,
+}
+
+/// What lies behind a line.
+#[derive(Serialize, JsonSchema)]
+pub struct Marks {
+    /// The branch whose rules these are; none where no branch has any for this line.
+    branch: Option<String>,
+    /// The least that is good enough.
+    min: Option<Value>,
+    /// The most that is good enough.
+    max: Option<Value>,
+    /// What was approved.
+    baseline: Option<Baseline>,
+    /// Where the line changed its level, oldest first.
+    changes: Vec<Change>,
+}
+
+/// The approved results of a line.
+#[derive(Serialize, JsonSchema)]
+pub struct Baseline {
+    /// How many there are.
+    n_approved: usize,
+    /// The worst of them; of a metric of unknown direction, their mean.
+    worst: Value,
+    /// The worst that rules allow beside them.
+    allowed: Option<Value>,
+}
+
+/// A change of level.
+#[derive(Serialize, JsonSchema)]
+pub struct Change {
+    /// The first report of the new level.
+    report_id: i64,
+    /// Its commit.
+    commit: Option<String>,
+    /// When it was stored.
+    created_at: Timestamp,
+    /// Median before, back to the change before.
+    before: Value,
+    /// Median after, up to the next change.
+    after: Value,
+    /// The probability that chance made it.
+    p: f64,
+    /// Whether it is a change for the worse; none of a metric of unknown direction.
+    worse: Option<bool>,
+}
+
+/// `GET /series/{series}/marks`
+pub async fn get(
+    State(service): Shared,
+    ApiPath(id): ApiPath<i64>,
+    ApiQuery(query): ApiQuery<MarkQuery>,
+) -> Result<Json<Marks>, ApiError> {
+    let series = find_series(&service, id).await?;
+    check_metric(&service, &query.metric).await?;
+    of(&service, &series, &query.metric, query.branch.as_deref())
+        .await
+        .map(Json)
+}
+
+/// The marks of one metric of a line.
+pub async fn of(service: &Service, series: &Series, metric: &str, branch: Option<&str>) -> Result<Marks, ApiError> {
+    let store = &service.store;
+    let path = match branch {
+        None => None,
+        Some(branch) => Some(store.branch_path(&series.project, branch).await?.unwrap_or_default()),
+    };
+    let filter = TrendFilter {
+        path,
+        ..TrendFilter::newest(HISTORY)
+    };
+    let points = store.describe(&store.trend(series.id, metric, &filter).await?).await?;
+    let newest = points.last();
+    let branch = branch
+        .map(str::to_owned)
+        .or_else(|| newest.and_then(|point| point.branch.clone()));
+    let version = newest.map_or(0, |point| point.metric_version);
+    let times: HashMap<i64, Timestamp> = points.iter().map(|point| (point.report_id, point.created_at)).collect();
+    let checks = checks(service, series, metric, branch.as_deref()).await?;
+    let approved = store.approved(series.id, metric, version).await?;
+    let history: Vec<Past> = past(points)
+        .into_iter()
+        .filter(|past| past.version == version)
+        .collect();
+    let better = checks
+        .as_ref()
+        .and_then(|checks| checks.better)
+        .or_else(|| better(metric));
+    let rule = checks.as_ref().and_then(|checks| checks.change).unwrap_or_default();
+    let mut changes = tokio::task::spawn_blocking(move || {
+        let history = &history[history.len().saturating_sub(rule.window)..];
+        let values: Vec<f64> = history.iter().map(|past| past.value).collect();
+        let found = change_points(&values, &rule);
+        let change = |point: &crate::verdict::change::ChangePoint| Change {
+            report_id: history[point.index].report_id,
+            commit: history[point.index].commit.clone(),
+            created_at: Timestamp(0),
+            before: Value(point.before),
+            after: Value(point.after),
+            p: point.p,
+            worse: better.map(|better| (better == Better::Higher) == (point.after < point.before)),
+        };
+        found.iter().map(change).collect::<Vec<_>>()
+    })
+    .await
+    .map_err(ApiError::internal)?;
+    for change in &mut changes {
+        change.created_at = times.get(&change.report_id).copied().unwrap_or(change.created_at);
+    }
+    let tolerance = checks.as_ref().and_then(|checks| checks.baseline);
+    Ok(Marks {
+        branch: branch.filter(|_| checks.is_some()),
+        min: checks.as_ref().and_then(|checks| checks.min).map(Value),
+        max: checks.as_ref().and_then(|checks| checks.max).map(Value),
+        baseline: baseline(&approved, tolerance, better),
+        changes,
+    })
+}
+
+/// What the branch's rules ask of the metric; none where they ask nothing.
+async fn checks(
+    service: &Service,
+    series: &Series,
+    metric: &str,
+    branch: Option<&str>,
+) -> Result<Option<Checks>, ApiError> {
+    let sets = service.store.rule_sets().await?;
+    let (project, branch) = (&series.project, branch.unwrap_or_default());
+    let found = sets.iter().find(|(of, on, _)| of == project && on == branch);
+    Ok(found
+        .map(|(.., rules)| rules.checks(&series.sequence_name, &series.preset, metric))
+        .filter(|checks| *checks != Checks::default()))
+}
+
+fn baseline(approved: &Approved, tolerance: Option<Tolerance>, better: Option<Better>) -> Option<Baseline> {
+    let values = &approved.values;
+    if values.is_empty() {
+        return None;
+    }
+    let worst = match better {
+        Some(Better::Higher) => values.iter().copied().fold(f64::INFINITY, f64::min),
+        Some(Better::Lower) => values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        None => values.iter().sum::<f64>() / values.len() as f64,
+    };
+    let allowed = tolerance.zip(better).map(|(tolerance, better)| match better {
+        Better::Higher => worst - tolerance.of(worst),
+        Better::Lower => worst + tolerance.of(worst),
+    });
+    Some(Baseline {
+        n_approved: values.len(),
+        worst: Value(worst),
+        allowed: allowed.map(Value),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_baseline_is_its_worst_result_and_what_may_be_worse() {
+        let approved = Approved {
+            values: vec![30.0, 29.0, 31.0],
+            ..Approved::default()
+        };
+        let of = |better| {
+            let found = baseline(&approved, Some(Tolerance::Absolute(0.5)), better).unwrap();
+            (found.worst.0, found.allowed.map(|value| value.0))
+        };
+        assert_eq!(of(Some(Better::Higher)), (29.0, Some(28.5)));
+        assert_eq!(of(Some(Better::Lower)), (31.0, Some(31.5)));
+        assert_eq!(of(None), (30.0, None));
+        assert!(baseline(&Approved::default(), None, None).is_none());
+    }
+}
