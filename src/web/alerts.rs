@@ -4,6 +4,7 @@ use super::{
     format,
     layout::{Page, PageError, Section},
     parts,
+    query::href,
 };
 use crate::{
     server::{ApiQuery, Shared},
@@ -81,6 +82,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<AlertsQuery>
         title: "Alerts",
         section: Some(Section::Alerts),
         script: None,
+        charts: false,
         content,
     };
     Ok(page.render(&service))
@@ -141,18 +143,16 @@ fn row(alert: &Alert, now: Timestamp) -> Markup {
 
 /// Where the first bad report is.
 fn place(alert: &Alert) -> Option<String> {
-    Some(parts::report_href(
-        alert.report_id?,
-        alert.job_id,
-        alert.preset_index.unwrap_or(0),
-    ))
+    Some(format!("/reports/{}", alert.report_id?))
 }
 
-/// Where one of its frames is looked at: output, reference and error beside each other.
+/// Where one of its frames is looked at, beside the last good report's.
 fn frame_href(alert: &Alert, frame: usize) -> Option<String> {
-    let (job, preset_index) = (alert.job_id?, alert.preset_index.unwrap_or(0));
-    Some(format!(
-        "/jobs/{job}?preset={preset_index}&metric={}&frame={frame}#images",
-        alert.metric
+    let report = alert.report_id.filter(|_| alert.job_id.is_some())?;
+    let good = alert.finding.last_good_report.map(|id| id.to_string());
+    let metric = Some(alert.metric.clone());
+    Some(href(
+        &format!("/reports/{report}/frames/{frame}"),
+        [("with", good), ("metric", metric)],
     ))
 }

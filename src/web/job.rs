@@ -1,5 +1,5 @@
-//! `/jobs/{id}`: one job. While it waits or runs, its progress; afterwards its results by preset and by frame, and the
-//! images themselves beside each other.
+//! `/jobs/{id}`: one job. While it waits or runs, its progress; afterwards its recipes beside each other, by summary and by
+//! frame.
 
 use super::{
     format,
@@ -7,10 +7,10 @@ use super::{
     parts,
 };
 use crate::{
-    metrics::{Metric, Value},
+    metrics::Value,
     run::report::FrameReport,
-    server::{ApiError, ApiPath, ApiQuery, DEFAULT_MAX_ERROR, Shared},
-    store::{FailureKind, GPU_TIME, Images, Job, Report, ReportFilter, Sequence, Timestamp},
+    server::{ApiError, ApiPath, ApiQuery, Shared},
+    store::{FailureKind, GPU_TIME, Images, Job, Report, ReportFilter, Timestamp},
 };
 use axum::{extract::State, response::Html};
 use maud::{Markup, html};
@@ -23,22 +23,10 @@ const MAX_REPORTS: u32 = 1000;
 /// Narrower than a column of the page, in pixels.
 const MAX_SMALL_WIDTH: u32 = 320;
 
-/// The errors, in display values, that the error image can draw white.
-const ERROR_SCALES: [f32; 5] = [0.02, 0.05, DEFAULT_MAX_ERROR, 0.25, 1.0];
-
 /// What is chosen; without scripts, a form sends it.
 #[derive(Deserialize)]
 pub struct JobQuery {
     metric: Option<String>,
-    /// Position in the job's list.
-    #[serde(default)]
-    preset: usize,
-    /// The last one by default: by then every system has settled.
-    frame: Option<usize>,
-    /// The error that is drawn white.
-    max: Option<f32>,
-    /// The metric whose map is shown in place of the error.
-    map: Option<String>,
 }
 
 /// What the script needs.
@@ -46,18 +34,16 @@ pub struct JobQuery {
 struct Data<'a> {
     job: i64,
     running: bool,
-    /// Any at all; without them there is nothing to turn over.
+    /// Any at all; without them there is nothing to look at.
     images: bool,
-    reference: bool,
     units: BTreeMap<&'a str, &'static str>,
-    reports: Vec<ReportData<'a>>,
+    reports: Vec<ReportData>,
 }
 
 #[derive(Serialize)]
-struct ReportData<'a> {
+struct ReportData {
     id: i64,
     name: String,
-    frames: &'a [FrameReport],
 }
 
 /// A finished job's numbers.
@@ -66,7 +52,6 @@ struct Results {
     /// Of each report.
     frames: Vec<Vec<FrameReport>>,
     metrics: BTreeSet<String>,
-    has_reference: bool,
     /// So small that the page enlarges its images; texels then stay sharp.
     is_small: bool,
 }
@@ -95,7 +80,6 @@ pub async fn page(
             .iter()
             .flat_map(|report| report.summary.keys().cloned())
             .collect(),
-        has_reference: sequence.as_ref().is_some_and(has_reference),
         is_small: sequence
             .as_ref()
             .is_some_and(|sequence| sequence.output_size.width <= MAX_SMALL_WIDTH),
@@ -113,16 +97,10 @@ pub async fn page(
         title: &title,
         section: Some(Section::Jobs),
         script: Some("job.js"),
+        charts: !results.reports.is_empty(),
         content,
     };
     Ok(page.render(&service))
-}
-
-fn has_reference(sequence: &Sequence) -> bool {
-    sequence
-        .manifest
-        .get("reference")
-        .is_some_and(|reference| !reference.is_null())
 }
 
 fn heading(job: &Job) -> Markup {
@@ -139,6 +117,7 @@ fn heading(job: &Job) -> Markup {
                 li { span.key { "took " } (format!("{:.1} s", finished.since(started).as_secs_f64())) }
             }
             @if job.attempts > 1 { li { span.key { "attempt " } (job.attempts) } }
+            @if job.status.is_final() { li { a href={ "/jobs/new?from=" (job.id) } { "Run again" } } }
         }
     }
 }
@@ -168,22 +147,20 @@ fn standing(job: &Job) -> Markup {
 
 impl Results {
     fn data<'a>(&'a self, job: &Job) -> Data<'a> {
-        let report = |(report, frames): (&Report, &'a Vec<FrameReport>)| ReportData {
+        let report = |report: &Report| ReportData {
             id: report.id,
             name: parts::recipe(&report.series),
-            frames,
         };
         Data {
             job: job.id,
             running: !job.status.is_final(),
             images: job.spec.images != Images::None,
-            reference: self.has_reference,
             units: self
                 .metrics
                 .iter()
                 .map(|metric| (metric.as_str(), format::unit(metric)))
                 .collect(),
-            reports: self.reports.iter().zip(&self.frames).map(report).collect(),
+            reports: self.reports.iter().map(report).collect(),
         }
     }
 
@@ -205,7 +182,7 @@ impl Results {
             }
             @if job.spec.images != Images::None {
                 h2 #images { "Images" }
-                (self.images(query))
+                (self.images())
             }
             @if self.reports.iter().any(|report| report.validation.is_some()) {
                 h2 { "Validation" }
@@ -245,7 +222,7 @@ impl Results {
                 } }
                 tbody { @for report in &self.reports {
                     tr {
-                        th scope="row" { (parts::recipe(&report.series)) }
+                        th scope="row" { a href={ "/reports/" (report.id) } { (parts::recipe(&report.series)) } }
                         @for metric in &self.metrics {
                             @let value = report.values.get(metric).copied();
                             @let best = best(metric);
@@ -292,64 +269,16 @@ impl Results {
         }
     }
 
-    fn images(&self, query: &JobQuery) -> Markup {
-        let chosen = query.preset.min(self.reports.len() - 1);
-        let last = self.frames[chosen].len().saturating_sub(1);
-        let frame = query.frame.unwrap_or(last).min(last);
-        let base = format!("/api/v1/reports/{}/frames/{frame}", self.reports[chosen].id);
-        let chosen_max = query
-            .max
-            .filter(|max| ERROR_SCALES.contains(max))
-            .unwrap_or(DEFAULT_MAX_ERROR);
-        let has_map = |id: &&String| id.parse().is_ok_and(|metric: Metric| metric.check_map().is_ok());
-        let maps: Vec<&String> = self.metrics.iter().filter(has_map).collect();
-        let map = query.map.as_ref().filter(|id| maps.contains(id));
-        let figure = |id: &str, name: &str, rest: Markup| {
-            let (file, scale) = match (id, map) {
-                ("error", Some(map)) => (map.as_str(), String::new()),
-                ("error", None) => (id, format!("?max={chosen_max}")),
-                _ => (id, String::new()),
-            };
-            let png = format!("{base}/{file}.png{scale}");
-            html! {
-                figure {
-                    a href=(png) { img #{ "image-" (id) } src=(png) alt={ (name) " of frame " (frame) }; }
-                    figcaption { b #{ (id) "-name" } { (name) } (rest) a #{ "exr-" (id) } href={ (base) "/" (file) ".exr" } { "EXR" } }
-                }
-            }
-        };
+    /// The last frame of each preset, by when every system has settled; a click opens the viewer.
+    fn images(&self) -> Markup {
         html! {
-            form.controls #viewer {
-                label { "Preset" select #preset name="preset" {
-                    @for (i, report) in self.reports.iter().enumerate() {
-                        option value=(i) selected[i == chosen] { (parts::recipe(&report.series)) }
-                    }
+            ul.cards.pixelated[self.is_small] { @for (report, frames) in self.reports.iter().zip(&self.frames) {
+                @let frame = frames.len().saturating_sub(1);
+                li { a href={ "/reports/" (report.id) "/frames/" (frame) } {
+                    img loading="lazy" src={ "/api/v1/reports/" (report.id) "/frames/" (frame) "/output.png?width=320" } alt={ "output of frame " (frame) };
+                    b { (parts::recipe(&report.series)) }
                 } }
-                div.frame {
-                    button #previous type="button" aria-label="Previous frame" title="Left arrow key" { "←" }
-                    input #frame type="range" name="frame" min="0" max=(last) value=(frame) aria-label="Frame";
-                    button #next type="button" aria-label="Next frame" title="Right arrow key" { "→" }
-                    output #frame-text for="frame" { "frame " (frame) " of " (last) }
-                }
-                @if self.has_reference {
-                    label { "Map" select #map name="map" {
-                        option value="error" { "error" }
-                        @for id in &maps { option value=(id) selected[map == Some(*id)] { (id) } }
-                    } }
-                    label { "Error shown up to" select #max name="max" {
-                        @for max in ERROR_SCALES { option value=(max) selected[max == chosen_max] { (max) } }
-                    } }
-                }
-                noscript { button { "Show" } }
-            }
-            div.images.pixelated[self.is_small] #figures {
-                (figure("output", "Output", html! {}))
-                @if self.has_reference {
-                    (figure("reference", "Reference", html! {}))
-                    (figure("error", map.map_or("Error", String::as_str), html! { span #error-scale hidden[map.is_some()] { "0 " img.scale src=(super::assets::url("scale.png")) alt="black to white"; " " span #max-text { (chosen_max) } } }))
-                }
-            }
-            p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta. Maps of metrics: black where they are perfect." }
+            } }
         }
     }
 

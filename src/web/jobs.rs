@@ -50,6 +50,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<JobsQuery>) 
         .map(|job| job.id);
     let content = html! {
         h1 { "Jobs" }
+        p { a.button href="/jobs/new" { "New job" } }
         form.filters {
             label { "Status" select name="status" {
                 option value="" { "all" }
@@ -66,7 +67,8 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<JobsQuery>) 
     let page = Page {
         title: "Jobs",
         section: Some(Section::Jobs),
-        script: None,
+        script: Some("jobs.js"),
+        charts: false,
         content,
     };
     Ok(page.render(&service))

@@ -12,8 +12,9 @@ use serde::Serialize;
 /// A page's place in the navigation.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Section {
-    Reports,
+    Overview,
     Trends,
+    Sequences,
     Jobs,
     Bench,
     Stress,
@@ -28,6 +29,8 @@ pub struct Page<'a> {
     pub section: Option<Section>,
     /// The module that brings the page to life, if any.
     pub script: Option<&'static str>,
+    /// Whether it draws charts.
+    pub charts: bool,
     pub content: Markup,
 }
 
@@ -52,20 +55,25 @@ impl Page<'_> {
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     title { (self.title) " · Afterimage" }
                     link rel="icon" href=(assets::url("icon.svg"));
+                    meta name="color-scheme" content="light dark";
+                    script src=(assets::url("theme.js")) {}
                     link rel="stylesheet" href=(assets::url("style.css"));
-                    @if let Some(script) = self.script {
+                    @if self.charts {
                         link rel="stylesheet" href=(assets::url("uplot.css"));
                         script defer src=(assets::url("uplot.js")) {}
-                        script type="module" src=(assets::url(script)) {}
                     }
+                    script type="module" src=(assets::url("page.js")) {}
+                    @if let Some(script) = self.script { script type="module" src=(assets::url(script)) {} }
                 }
                 body {
+                    a.skip href="#main" { "To the content" }
                     header.top {
                         a.name href="/" { "Afterimage" }
-                        nav {
+                        nav aria-label="Pages" {
                             @for (section, href, name) in [
-                                (Section::Reports, "/", "Reports"),
+                                (Section::Overview, "/", "Overview"),
                                 (Section::Trends, "/trends", "Trends"),
+                                (Section::Sequences, "/sequences", "Sequences"),
                                 (Section::Jobs, "/jobs", "Jobs"),
                                 (Section::Bench, "/bench", "Time and error"),
                                 (Section::Stress, "/stress", "Stability"),
@@ -76,8 +84,9 @@ impl Page<'_> {
                             }
                         }
                         (adapter)
+                        div.tools {}
                     }
-                    main { (self.content) }
+                    main #main { (self.content) }
                 }
             }
         }
@@ -119,10 +128,11 @@ impl IntoResponse for PageError {
             title,
             section: None,
             script: None,
+            charts: false,
             content: html! {
                 h1 { (title) }
                 p { (self.0.detail()) "." }
-                p { a href="/" { "To the latest reports" } }
+                p { a href="/" { "To the overview" } }
             },
         };
         (self.0.status(), Html(page.document(html! {}).into_string())).into_response()

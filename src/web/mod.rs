@@ -4,17 +4,24 @@
 mod alerts;
 mod assets;
 mod bench;
+mod embed;
 mod format;
 mod job;
 mod jobs;
 mod layout;
+mod lines;
+mod new_job;
 mod overview;
 mod parts;
+mod query;
 mod reference;
 mod report;
 mod sequence;
+mod sequences;
+mod standing;
 mod stress;
 mod trends;
+mod viewer;
 
 use crate::server::Service;
 use axum::{Router, routing::get};
@@ -27,9 +34,14 @@ pub fn routes() -> Router<Arc<Service>> {
         .route("/trends", get(trends::page))
         .route("/alerts", get(alerts::page))
         .route("/api", get(reference::page))
+        .route("/chart.svg", get(embed::chart))
+        .route("/badge.svg", get(embed::badge))
         .route("/reports/{report}", get(report::page))
+        .route("/reports/{report}/frames/{frame}", get(viewer::page))
         .route("/jobs", get(jobs::page))
+        .route("/jobs/new", get(new_job::page))
         .route("/jobs/{job}", get(job::page))
+        .route("/sequences", get(sequences::page))
         .route("/sequences/{sequence}", get(sequence::page))
         .route("/bench", get(bench::page))
         .route("/stress", get(stress::page))

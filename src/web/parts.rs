@@ -3,7 +3,7 @@
 use super::format;
 use crate::{
     metrics::Value,
-    store::{Job, Point, Provenance, Report, Sequence, Series, Status, Timestamp},
+    store::{Environment, Job, Point, Provenance, Report, Series, Status, Timestamp},
     taa::Precision,
 };
 use maud::{Markup, html};
@@ -49,12 +49,70 @@ pub fn sequence(series: &Series) -> Markup {
     }
 }
 
-/// Where a report can be looked at: in its job, else on its own.
-pub fn report_href(id: i64, job: Option<i64>, preset_index: i64) -> String {
-    match job {
-        Some(job) => format!("/jobs/{job}?preset={preset_index}"),
-        None => format!("/reports/{id}"),
+/// What filters call what was measured: the hash of a stored sequence, else a name.
+pub fn subject_of(series: &Series) -> String {
+    series.sequence_hash.as_ref().unwrap_or(&series.sequence_name).clone()
+}
+
+/// An environment in words.
+pub fn environment(environment: &Environment) -> String {
+    let adapter = &environment.adapter;
+    let driver = format!("{} {}", adapter.driver, adapter.driver_version);
+    let all = [
+        adapter.name.as_str(),
+        driver.trim(),
+        &environment.os,
+        &environment.clocks,
+    ];
+    let known: Vec<&str> = all.into_iter().filter(|text| !text.is_empty()).collect();
+    if known.is_empty() {
+        "an unnamed machine".to_owned()
+    } else {
+        known.join(", ")
     }
+}
+
+/// Options whose text is their value.
+pub fn same<T: ToString>(names: impl IntoIterator<Item = T>) -> impl Iterator<Item = (String, String)> {
+    names.into_iter().map(|name| (name.to_string(), name.to_string()))
+}
+
+/// A labelled choice of a form.
+pub fn select(
+    label: &str,
+    name: &str,
+    options: impl IntoIterator<Item = (String, String)>,
+    chosen: &str,
+    all: Option<&str>,
+) -> Markup {
+    html! {
+        label { (label) select name=(name) {
+            @if let Some(all) = all { option value="" { (all) } }
+            @for (value, text) in options { option value=(value) selected[value == chosen] { (text) } }
+        } }
+    }
+}
+
+/// The step from the second last value to the last: better or worse in words, because colour alone says nothing to
+/// many. Values of different metric versions do not compare.
+pub fn change(metric: &str, points: &[Point]) -> Markup {
+    let [.., before, after] = points else {
+        return html! { span.muted { (format::ABSENT) } };
+    };
+    if before.metric_version != after.metric_version {
+        return html! { span.changed { "metric changed" } };
+    }
+    let difference = after.value.0 - before.value.0;
+    if difference == 0.0 || before.value.0 == after.value.0 {
+        return html! { span.changed { "same" } };
+    }
+    let word = if format::is_better(metric, after.value, before.value) {
+        "better"
+    } else {
+        "worse"
+    };
+    let sign = if difference > 0.0 { "+" } else { "" };
+    html! { (sign) (format::value(metric, Some(Value(difference)))) " " span.changed { (word) } }
 }
 
 /// A branch and a commit.
@@ -77,47 +135,31 @@ pub fn subject(job: &Job) -> Markup {
     }
 }
 
-/// Jobs, a row each.
+/// Jobs, a row each. One that waits or runs can be followed and cancelled, any other one run again.
 pub fn job_table(jobs: &[Job], now: Timestamp) -> Markup {
     html! {
-        div.scroll { table {
+        div.scroll { table.jobs {
             thead { tr {
                 th { "Job" } th { "Status" } th { "Sequence" } th.wide { "Presets" } th.wide { "Label" }
-                th.wide { "Commit" } th.number { "Queued" }
+                th.wide { "Commit" } th.number { "Queued" } th { span.unseen { "Actions" } }
             } }
             tbody { @for job in jobs {
-                tr {
+                tr data-job=(job.id) data-live[!job.status.is_final()] {
                     td { a href={ "/jobs/" (job.id) } { "#" (job.id) } }
-                    td { (status(job)) @if job.status == Status::Running && job.n_total > 0 {
-                        " " span.muted { (job.n_done * 100 / job.n_total) " %" }
-                    } }
+                    td.standing { (status(job))
+                        @if !job.status.is_final() {
+                            progress max=(job.n_total.max(1)) value=(job.n_done) aria-label={ "Job " (job.id) } {}
+                            span.done.muted { @if job.n_total > 0 { (job.n_done) " of " (job.n_total) } }
+                        }
+                        @if let Some(error) = &job.error { div.why { (error.message) } }
+                    }
                     td { (subject(job)) }
                     td.wide.fill { (job.spec.run.presets.iter().map(|spec| spec.preset.as_str()).collect::<Vec<_>>().join(", ")) }
                     td.wide { (job.provenance.label.as_deref().unwrap_or_default()) }
                     td.wide { (revision(&job.provenance)) }
                     td.number { (format::age(job.created_at, now)) }
-                }
-            } }
-        } }
-    }
-}
-
-/// Sequences, a row each.
-pub fn sequence_table(sequences: &[Sequence], now: Timestamp) -> Markup {
-    html! {
-        div.scroll { table {
-            thead { tr {
-                th { "Sequence" } th.number { "Frames" } th.number { "Size" } th.number { "On disk" }
-                th.wide { "Content" } th.number { "Put" }
-            } }
-            tbody { @for sequence in sequences {
-                tr {
-                    td { a href={ "/sequences/" (sequence.hash) } { (sequence.name) } }
-                    td.number { (sequence.n_frames) }
-                    td.number { (sequence.output_size) }
-                    td.number { (format::bytes(sequence.n_bytes)) }
-                    td.wide { (format::short_hash(&sequence.hash)) }
-                    td.number { (format::age(sequence.put_at, now)) }
+                    td { @if job.status.is_final() { a href={ "/jobs/new?from=" (job.id) } { "Run again" } }
+                        @else { button.quiet.small type="button" disabled[job.cancel_requested] aria-label={ "Cancel job " (job.id) } { "Cancel" } } }
                 }
             } }
         } }

@@ -43,6 +43,7 @@ pub async fn page(State(service): Shared) -> Result<Html<String>, PageError> {
         title: "API",
         section: Some(Section::Api),
         script: Some("api.js"),
+        charts: false,
         content,
     };
     Ok(page.render(&service))

@@ -31,7 +31,7 @@ pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Res
     let sequence = service.store.sequence(&name).await?;
     let sequence = sequence.ok_or_else(|| ApiError::not_found(format!("there is no sequence `{name}`")))?;
     let now = Timestamp::now();
-    let rows = overview::latest(&service, Some(&sequence.hash)).await?;
+    let rows = overview::latest(&service, &sequence.hash).await?;
     let filter = JobFilter {
         status: None,
         sequence_hash: Some(sequence.hash.clone()),
@@ -41,26 +41,26 @@ pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Res
     };
     let jobs = service.store.jobs(&filter).await?;
     let check = service.store.check(sequence.id).await?;
-    let data = json!({"hash": sequence.hash, "n_frames": sequence.n_frames});
+    let data = json!({"hash": sequence.hash});
     let content = html! {
         (heading(&sequence, now))
         (warnings(&check))
         @if !rows.is_empty() {
             h2 { "Latest reports" }
-            (overview::grid(&rows, now, false))
-            p { a href={ "/trends?sequence=" (sequence.hash) } { "Trends of this sequence" } }
+            (overview::grid(&rows, now))
+            p { a href={ "/trends?sequence=" (sequence.hash) } { "Trends of this sequence" } " · "
+                a href={ "/jobs/new?sequence=" (sequence.hash) } { "New job" } }
         } @else {
             h2 { "No reports yet" }
+            p { a.button href={ "/jobs/new?sequence=" (sequence.hash) } { "New job" } }
             pre {
                 "curl http://localhost:8080/api/v1/jobs -H 'content-type: application/json' \\\n"
                 "     -d '{\"sequence\": \"" (sequence.name) "\", \"presets\": [\"none\", \"karis2014\"]}'"
             }
         }
         @if !jobs.is_empty() { h2 { "Jobs" } (parts::job_table(&jobs, now)) }
-        @if !sequence.manifest["reference"].is_null() {
-            h2 { "Reference" }
-            (reference(&sequence))
-        }
+        h2 { "Frames" }
+        (frames(&sequence))
         h2 { "What its engine wrote" }
         (conventions(&sequence.manifest))
         (verdicts(&check))
@@ -68,8 +68,9 @@ pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Res
     };
     let page = Page {
         title: &sequence.name,
-        section: Some(Section::Reports),
+        section: Some(Section::Sequences),
         script: Some("sequence.js"),
+        charts: false,
         content,
     };
     Ok(page.render(&service))
@@ -121,9 +122,14 @@ fn verdicts(check: &Check) -> Markup {
     } }
 }
 
-fn reference(sequence: &Sequence) -> Markup {
-    let base = format!("/api/v1/sequences/{}/frames/0/reference", sequence.hash);
+/// Input and reference of one frame, the first without scripts.
+fn frames(sequence: &Sequence) -> Markup {
+    let base = format!("/api/v1/sequences/{}/frames/0", sequence.hash);
     let last = sequence.n_frames - 1;
+    let images: &[(&str, &str)] = match sequence.manifest["reference"].is_null() {
+        true => &[("input", "Input")],
+        false => &[("input", "Input"), ("reference", "Reference")],
+    };
     html! {
         div.controls.single {
             div.frame {
@@ -133,12 +139,12 @@ fn reference(sequence: &Sequence) -> Markup {
                 output #frame-text for="frame" { "frame 0 of " (last) }
             }
         }
-        div.images.single {
+        div.images.pixelated[sequence.output_size.width <= 320] { @for (id, name) in images {
             figure {
-                img #image-reference src={ (base) ".png" } alt="Reference of frame 0";
-                figcaption { b { "Reference" } a #exr-reference href={ (base) ".exr" } { "EXR" } }
+                img #{ "image-" (id) } src={ (base) "/" (id) ".png" } alt={ (name) " of frame 0" };
+                figcaption { b { (name) } a #{ "exr-" (id) } href={ (base) "/" (id) ".exr" } { "EXR" } }
             }
-        }
+        } }
     }
 }
 

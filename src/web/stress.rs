@@ -50,6 +50,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<StressQuery>
         title: "Stability",
         section: Some(Section::Stress),
         script: None,
+        charts: false,
         content,
     };
     Ok(page.render(&service))
@@ -185,6 +186,7 @@ pub async fn cell(
         title: &title,
         section: Some(Section::Stress),
         script: None,
+        charts: false,
         content,
     };
     Ok(page.render(&service))

@@ -1,115 +1,90 @@
-//! `/trends`: a metric over time, a line for each sequence, recipe and adapter.
+//! `/trends`: metrics over time, a chart for each, a line for each sequence, recipe, environment and branch.
 
 use super::{
     format,
     layout::{Page, PageError, Section, script_data},
+    lines::{Choice, Line, Style, all_series, styles},
     parts,
+    query::{Query, href},
 };
 use crate::{
-    metrics::{Better, Metric, Value},
-    server::{ApiQuery, Shared},
-    store::{GPU_TIME, Point, Series, SeriesFilter, Timestamp},
+    metrics::Better,
+    server::{Service, Shared},
+    store::{GPU_TIME, Series, Timestamp},
+    verdict::better,
 };
-use axum::{extract::State, response::Html};
+use axum::{
+    extract::{RawQuery, State},
+    response::Html,
+};
 use maud::{Markup, html};
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Points of one line; more would not be told apart on a screen.
-const MAX_POINTS: usize = 500;
-
-/// The form's fields; empty means all.
-#[derive(Deserialize)]
-#[serde(default)]
-pub struct TrendQuery {
-    metric: String,
-    sequence: String,
-    preset: String,
-    adapter: String,
-    branch: String,
-}
-
-impl Default for TrendQuery {
-    fn default() -> Self {
-        Self {
-            metric: Metric::PSNR.id().to_owned(),
-            sequence: String::new(),
-            preset: String::new(),
-            adapter: String::new(),
-            branch: String::new(),
-        }
-    }
-}
+/// Results of a line in the table's sparkline.
+const HISTORY: usize = 24;
+/// Lines of a chart; more would not be told apart.
+const MAX_LINES: usize = 24;
+const MAX_PANELS: usize = 6;
 
 /// What the script draws.
 #[derive(Serialize)]
-struct Chart<'a> {
-    metric: &'a str,
-    unit: &'static str,
-    lines: Vec<ChartLine<'a>>,
+struct Data<'a> {
+    panels: Vec<PanelData<'a>>,
 }
 
 #[derive(Serialize)]
-struct ChartLine<'a> {
-    name: String,
-    /// A number a recipe, so that it looks alike on every sequence.
-    color: usize,
-    /// A number a sequence.
-    dash: usize,
-    points: &'a [Point],
-    /// Seconds since 1970.
-    times: Vec<f64>,
+struct PanelData<'a> {
+    metric: &'a str,
+    unit: &'static str,
+    lines: Vec<LineData<'a>>,
 }
 
-struct Line {
-    series: Series,
-    points: Vec<Point>,
+#[derive(Serialize)]
+struct LineData<'a> {
+    series: i64,
+    branch: Option<&'a str>,
+    name: &'a str,
+    color: usize,
+    dash: usize,
+}
+
+struct Panel {
+    metric: String,
+    lines: Vec<Line>,
+    styles: Vec<Style>,
+    n_more: usize,
 }
 
 /// `GET /trends`
-pub async fn page(
-    State(service): Shared,
-    ApiQuery(mut query): ApiQuery<TrendQuery>,
-) -> Result<Html<String>, PageError> {
-    // A name, as people write it into an address, means its latest content; the form speaks of hashes.
-    if let Some(sequence) = service.store.sequence(&query.sequence).await? {
-        query.sequence = sequence.hash;
+pub async fn page(State(service): Shared, RawQuery(text): RawQuery) -> Result<Html<String>, PageError> {
+    let query = Query::parse(text.as_deref());
+    let choice = Choice::of(&service, &query).await?;
+    let all = all_series(&service).await?;
+    let mut panels = Vec::new();
+    for metric in choice.metrics.iter().take(MAX_PANELS) {
+        let (lines, n_more) = choice.lines(&service, &all, metric, HISTORY, MAX_LINES).await?;
+        panels.push(Panel {
+            metric: metric.clone(),
+            styles: styles(&lines),
+            lines,
+            n_more,
+        });
     }
-    let given = |text: &str| (!text.is_empty()).then(|| text.to_owned());
-    let all = service.store.series(&SeriesFilter::default()).await?;
-    let filter = SeriesFilter {
-        sequence: given(&query.sequence),
-        preset: given(&query.preset),
-        adapter: given(&query.adapter),
-        ..SeriesFilter::default()
-    };
-    let branch = given(&query.branch);
-    let mut lines = Vec::new();
-    for series in service.store.series(&filter).await? {
-        let points = service
-            .store
-            .points(&series, &query.metric, branch.as_deref(), MAX_POINTS)
-            .await?;
-        if !points.is_empty() {
-            lines.push(Line { series, points });
-        }
-    }
+    let picture = format!("/chart.svg?{}", text.as_deref().unwrap_or_default());
     let content = html! {
         h1 { "Trends" }
-        p.muted { (meaning(&query.metric)) }
-        (form(&query, &all))
-        @if lines.is_empty() {
-            div.notice { p { "No report has this metric for this choice." } }
-        } @else {
-            div.chart #chart {}
-            (table(&query.metric, &lines))
-            (script_data(&chart(&query.metric, &lines))?)
-        }
+        (form(&service, &choice, &query, &all).await?)
+        p #range hidden { "Zoomed to " span {} ". " button type="button" { "Show all" } }
+        @for (i, panel) in panels.iter().enumerate() { (panel.render(i, &picture)) }
+        (embedding(&picture))
+        (script_data(&Data { panels: panels.iter().map(Panel::data).collect() })?)
     };
     let page = Page {
         title: "Trends",
         section: Some(Section::Trends),
         script: Some("trends.js"),
+        charts: true,
         content,
     };
     Ok(page.render(&service))
@@ -117,158 +92,179 @@ pub async fn page(
 
 /// One line on what the numbers are and which way is better.
 fn meaning(metric: &str) -> String {
+    let direction = match better(metric) {
+        Some(Better::Higher) => "higher is better",
+        Some(Better::Lower) => "lower is better",
+        None => "which way is better is not known here",
+    };
     match format::metric_info(metric) {
-        Some(info) => {
-            let better = match info.better {
-                Better::Higher => "higher is better",
-                Better::Lower => "lower is better",
-            };
-            format!("{}; {better}.", info.description.trim_end_matches('.'))
-        }
-        None => "GPU time of one frame: the sum of its passes' medians; lower is better.".to_owned(),
+        Some(info) => format!("{}; {direction}.", info.description.trim_end_matches('.')),
+        None if metric == GPU_TIME => format!("GPU time of one frame: the sum of its passes' medians; {direction}."),
+        None => format!("Measured elsewhere; {direction}."),
     }
 }
 
-fn form(query: &TrendQuery, all: &[Series]) -> Markup {
-    let unique = |key: &dyn Fn(&Series) -> (String, String)| all.iter().map(key).collect::<BTreeSet<_>>();
-    let same = |text: &str| (text.to_owned(), text.to_owned());
-    let mut metrics: Vec<_> = Metric::ALL.iter().map(|metric| same(metric.id())).collect();
-    metrics.push((GPU_TIME.to_owned(), "GPU time".to_owned()));
-    let sequences = unique(&|series| match &series.sequence_hash {
-        Some(hash) => (
-            hash.clone(),
-            format!("{} ({})", series.sequence_name, hash.get(..6).unwrap_or(hash)),
-        ),
-        None => same(&series.sequence_name),
-    });
-    let presets = unique(&|series| (series.preset.clone(), series.preset.clone()));
-    let adapters = unique(&|series| {
-        (
-            series.environment.adapter.name.clone(),
-            series.environment.adapter.name.clone(),
-        )
-    });
-    html! {
+impl Panel {
+    fn data(&self) -> PanelData<'_> {
+        PanelData {
+            metric: &self.metric,
+            unit: format::unit(&self.metric),
+            lines: self
+                .lines
+                .iter()
+                .zip(&self.styles)
+                .map(|(line, style)| LineData {
+                    series: line.series.id,
+                    branch: line.branch.as_deref(),
+                    name: &style.name,
+                    color: style.color,
+                    dash: style.dash,
+                })
+                .collect(),
+        }
+    }
+
+    fn render(&self, i: usize, picture: &str) -> Markup {
+        html! {
+            section.panel #{ "panel-" (i) } {
+                h2 { (format::title(&self.metric)) }
+                p.muted { (meaning(&self.metric)) }
+                @if self.lines.is_empty() { div.notice { p { "No report has this metric for this choice." } } }
+                @if self.n_more > 0 { p.muted { "The first " (self.lines.len()) " lines; " (self.n_more) " more do not fit. Choose fewer." } }
+                div.chart hidden[self.lines.is_empty()] {}
+                @if i == 0 && !self.lines.is_empty() { noscript { img.picture src=(picture) alt={ (self.metric) " over time" }; } }
+                p.muted.thinned {}
+                form.controls.difference hidden {
+                    label { "Difference" select {} } span.minus-sign { "−" } label { "and" select {} }
+                    button { "Subtract" }
+                }
+                div.chart.minus hidden {}
+                details.rows { summary { "The points as a table" } div.scroll {} p { (self.csv()) } }
+                (self.table())
+            }
+        }
+    }
+
+    fn csv(&self) -> Markup {
+        html! { "CSV: "
+            @for (i, (line, style)) in self.lines.iter().zip(&self.styles).enumerate() {
+                @if i > 0 { ", " }
+                a href=(href(&format!("/api/v1/series/{}/points", line.series.id),
+                    [("metric", Some(self.metric.clone())), ("branch", line.branch.clone()), ("format", Some("csv".to_owned()))])) { (style.name) }
+            }
+        }
+    }
+
+    /// The newest value of every line and how it differs from the one before.
+    fn table(&self) -> Markup {
+        let now = Timestamp::now();
+        html! {
+            div.scroll { table.latest {
+                thead { tr {
+                    th { "Sequence" } th { "Recipe" } th.wide { "Environment" } th.number { "Latest, " (format::title(&self.metric)) }
+                    th.number { "Change" } th { "Trend" } th { "Commit" } th.number { "Age" }
+                } }
+                tbody { @for line in &self.lines {
+                    @if let Some(latest) = line.points.last() {
+                        tr {
+                            td { (parts::sequence(&line.series)) }
+                            td { (parts::recipe(&line.series)) }
+                            td.wide.fill { (parts::environment(&line.series.environment)) }
+                            td.number { a href={ "/reports/" (latest.report_id) } { (format::value(&self.metric, Some(latest.value))) } }
+                            td.number { (parts::change(&self.metric, &line.points)) }
+                            td { (parts::sparkline(&self.metric, &line.points)) }
+                            td { (parts::place(latest.branch.as_deref(), latest.commit.as_deref())) }
+                            td.number { (format::age(latest.created_at, now)) }
+                        }
+                    }
+                } }
+            } }
+        }
+    }
+}
+
+async fn form(service: &Service, choice: &Choice, query: &Query, all: &[Series]) -> Result<Markup, PageError> {
+    let mut metrics: BTreeSet<String> = service.store.metric_names().await?.into_iter().collect();
+    metrics.insert(GPU_TIME.to_owned());
+    let sequences: BTreeMap<String, String> = all
+        .iter()
+        .map(|series| {
+            let hash = series.sequence_hash.as_ref().and_then(|hash| hash.get(..6));
+            let name = &series.sequence_name;
+            (
+                parts::subject_of(series),
+                hash.map_or(name.clone(), |hash| format!("{name} ({hash})")),
+            )
+        })
+        .collect();
+    let recipes: BTreeSet<String> = all.iter().map(parts::recipe).collect();
+    let environments: BTreeMap<i64, String> = all
+        .iter()
+        .map(|series| (series.environment_id, parts::environment(&series.environment)))
+        .collect();
+    let projects: BTreeSet<&String> = all.iter().map(|series| &series.project).collect();
+    let mut branches = BTreeSet::new();
+    for project in &projects {
+        branches.extend(
+            service
+                .store
+                .branches(project)
+                .await?
+                .into_iter()
+                .map(|branch| branch.name),
+        );
+    }
+    let environment_ids: Vec<String> = choice.environments.iter().map(i64::to_string).collect();
+    let environments = environments.into_iter().map(|(id, name)| (id.to_string(), name));
+    Ok(html! {
         form.filters {
-            (select("Metric", "metric", metrics, &query.metric, None))
-            (select("Sequence", "sequence", sequences, &query.sequence, Some("all")))
-            (select("Preset", "preset", presets, &query.preset, Some("all")))
-            (select("Adapter", "adapter", adapters, &query.adapter, Some("all")))
-            label { "Branch" input type="text" name="branch" value=(query.branch) placeholder="all" size="12"; }
+            (pick("Metrics", "metric", parts::same(metrics), &choice.metrics))
+            (pick("Sequences", "sequence", sequences, &choice.sequences))
+            (pick("Recipes", "recipe", parts::same(recipes), &choice.recipes))
+            (pick("Environments", "environment", environments, &environment_ids))
+            (pick("Branches", "branch", parts::same(branches), &choice.branches))
+            @if projects.len() > 1 { (pick("Projects", "project", parts::same(projects), &choice.projects)) }
+            @for name in ["from", "to"] {
+                input type="hidden" name=(name) value=(query.one(name).unwrap_or_default()) disabled[query.one(name).is_none()];
+            }
             button { "Show" }
         }
-    }
+    })
 }
 
-fn select(
-    label: &str,
-    name: &str,
-    options: impl IntoIterator<Item = (String, String)>,
-    chosen: &str,
-    all: Option<&str>,
-) -> Markup {
-    html! {
-        label { (label) select name=(name) {
-            @if let Some(all) = all { option value="" { (all) } }
-            @for (value, text) in options { option value=(value) selected[value == chosen] { (text) } }
-        } }
-    }
-}
-
-/// What was measured, as filters name it.
-fn subject(series: &Series) -> String {
-    series.sequence_hash.as_ref().unwrap_or(&series.sequence_name).clone()
-}
-
-fn chart<'a>(metric: &'a str, lines: &'a [Line]) -> Chart<'a> {
-    let distinct = |key: fn(&Line) -> String| {
-        lines
-            .iter()
-            .map(key)
-            .collect::<BTreeSet<_>>()
-            .into_iter()
-            .collect::<Vec<_>>()
+/// A choice of several: tick boxes that open below their name.
+fn pick(title: &str, name: &str, options: impl IntoIterator<Item = (String, String)>, chosen: &[String]) -> Markup {
+    let options: Vec<(String, String)> = options.into_iter().collect();
+    let ticked: Vec<&str> = options
+        .iter()
+        .filter(|(value, _)| chosen.contains(value))
+        .map(|(_, text)| text.as_str())
+        .collect();
+    let text = match ticked.as_slice() {
+        [] => "all".to_owned(),
+        [one] => (*one).to_owned(),
+        several => format!("{} of {}", several.len(), options.len()),
     };
-    let recipes = distinct(|line| parts::recipe(&line.series));
-    let sequences = distinct(|line| subject(&line.series));
-    let adapters = distinct(|line| line.series.environment.adapter.name.clone());
-    let place = |all: &[String], one: &str| all.iter().position(|name| name == one).unwrap_or_default();
-    let line = |line: &'a Line| {
-        let series = &line.series;
-        let recipe = parts::recipe(series);
-        let (color, dash) = (place(&recipes, &recipe), place(&sequences, &subject(series)));
-        let sequence = (sequences.len() > 1).then_some(series.sequence_name.as_str());
-        let adapter = (adapters.len() > 1).then_some(series.environment.adapter.name.as_str());
-        let name = [sequence, Some(&recipe), adapter]
-            .into_iter()
-            .flatten()
-            .collect::<Vec<_>>()
-            .join(" · ");
-        let times = line
-            .points
-            .iter()
-            .map(|point| point.created_at.0 as f64 / 1000.0)
-            .collect();
-        ChartLine {
-            name,
-            color,
-            dash,
-            points: &line.points,
-            times,
+    html! {
+        details.pick {
+            summary { span.key { (title) } span.chosen { (text) } }
+            div.sheet role="group" aria-label=(title) { @for (value, text) in &options {
+                label { input type="checkbox" name=(name) value=(value) checked[chosen.contains(value)]; " " (text) }
+            } }
         }
-    };
-    Chart {
-        metric,
-        unit: format::unit(metric),
-        lines: lines.iter().map(line).collect(),
     }
 }
 
-/// The newest value of every line and how it differs from the one before.
-fn table(metric: &str, lines: &[Line]) -> Markup {
-    let now = Timestamp::now();
+/// How to show this elsewhere.
+fn embedding(picture: &str) -> Markup {
+    let badge = picture.replace("/chart.svg", "/badge.svg");
     html! {
-        div.scroll { table {
-            thead { tr {
-                th { "Sequence" } th { "Preset" } th.wide { "Adapter" } th.number { "Latest, " (format::title(metric)) }
-                th.number { "Change" } th.number { "Reports" } th { "Commit" } th.number { "Age" }
-            } }
-            tbody { @for line in lines {
-                @if let Some(latest) = line.points.last() {
-                    tr {
-                        td { (parts::sequence(&line.series)) }
-                        td { (parts::recipe(&line.series)) }
-                        td.wide { (line.series.environment.adapter.name) }
-                        td.number { a href=(parts::report_href(latest.report_id, latest.job_id, 0)) { (format::value(metric, Some(latest.value))) } }
-                        td.number { (change(metric, &line.points)) }
-                        td.number { (line.points.len()) }
-                        td { (parts::place(latest.branch.as_deref(), latest.commit.as_deref())) }
-                        td.number { (format::age(latest.created_at, now)) }
-                    }
-                }
-            } }
-        } }
+        details.embed {
+            summary { "Embed" }
+            p { "A picture of the first chart, and a badge with the newest value of its first line, for a README or a wiki. "
+                "They need a token where this page does." }
+            p { img src=(badge) alt="badge"; }
+            pre { "![badge](" (badge) ")\n![trend](" (picture) ")" }
+        }
     }
-}
-
-/// The step from the second last value to the last: better or worse in words, because colour alone says nothing to
-/// many. Values of different metric versions do not compare.
-fn change(metric: &str, points: &[Point]) -> Markup {
-    let [.., before, after] = points else {
-        return html! { span.muted { (format::ABSENT) } };
-    };
-    if before.metric_version != after.metric_version {
-        return html! { span.changed { "metric changed" } };
-    }
-    let difference = after.value.0 - before.value.0;
-    if difference == 0.0 || before.value.0 == after.value.0 {
-        return html! { span.changed { "same" } };
-    }
-    let word = if format::is_better(metric, after.value, before.value) {
-        "better"
-    } else {
-        "worse"
-    };
-    let sign = if difference > 0.0 { "+" } else { "" };
-    html! { (sign) (format::value(metric, Some(Value(difference)))) " " span.changed { (word) } }
 }

@@ -1,40 +1,16 @@
-//! The dashboard in a real browser: every page has its data in the document, and the scripts have drawn what only they
-//! can draw.
+//! The dashboard in a real browser: every page has its data in the document, and scripts do what only they can do.
 
-use crate::support::service::{Client, TestService, packed};
-use serde_json::json;
-use std::process::Command;
+use crate::support::{
+    browser::Page,
+    service::{Client, Idle, TestService, packed},
+};
+use serde_json::{Value, json};
 
-/// Debian's name for the browser, or Ubuntu's.
-fn browser() -> &'static str {
-    let runs = |name: &&&str| Command::new(name).arg("--version").output().is_ok();
-    let found = ["chromium", "chromium-browser"].iter().find(runs);
-    found.expect("this test needs a browser: install the package `chromium`")
-}
-
-/// The document after scripts ran.
-fn dom(service: &TestService, path: &str) -> String {
-    let profile = tempfile::tempdir().unwrap();
-    let output = Command::new(browser())
-        .args([
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-quic",
-            "--no-first-run",
-        ])
-        .args([
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-        ])
-        .args(["--window-size=1280,900", "--virtual-time-budget=5000", "--dump-dom"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(service.url(path))
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+/// A page as whoever has no scripts reads it.
+fn plain(service: &TestService, path: &str) -> String {
+    let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+    let mut answer = agent.get(service.url(path)).call().unwrap();
+    answer.body_mut().read_to_string().unwrap()
 }
 
 #[track_caller]
@@ -44,79 +20,109 @@ fn has(page: &str, texts: &[&str]) {
     }
 }
 
-#[test]
-fn every_page_shows_its_data() {
+/// A service with one job over the sequence `pan`, twice done.
+fn measured() -> (TestService, Value) {
     let service = TestService::with_gpu();
-    let client = Client(service.address);
-    has(&dom(&service, "/"), &["Nothing has been measured yet", "curl"]);
+    let client = service.client();
     assert_eq!(client.put("pan", &packed("pan")).status, 201);
-    let hostile = "</script><script>document.title='owned'</script>";
+    let job = json!({"sequence": "pan", "presets": ["ema", {"preset": "karis2014", "parameters": {"current_weight": 0.2}}],
+                     "metrics": ["psnr", "ssim", "flip"], "commit": "c0ffee", "branch": "topic",
+                     "label": "</script><script>document.title='owned'</script>"});
     for _ in 0..2 {
-        let job = json!({"sequence": "pan", "presets": ["ema", {"preset": "karis2014", "parameters": {"current_weight": 0.2}}],
-                         "commit": "c0ffee", "branch": "topic", "label": hostile});
         let id = client.start_job(&job);
         client.wait_for(id, &["done"]);
     }
     let job = client.get("/jobs/2").json();
-    let psnr = format!("{:.2}", job["reports"][1]["values"]["psnr"].as_f64().unwrap());
+    (service, job)
+}
 
-    let home = dom(&service, "/");
+/// Posts a night: a value a metric, on `main`.
+fn night(client: &Client, sequence: &str, system: &str, commit: usize, psnr: f64) -> i64 {
+    let body = json!({"sequence": sequence, "system": system, "branch": "main", "commit": format!("{commit:08x}"),
+                      "environment": {"adapter": {"name": "Test GPU"}}, "values": {"psnr": psnr}});
+    client.posted("/reports", &body)["id"].as_i64().unwrap()
+}
+
+#[test]
+fn every_page_shows_its_data_without_scripts() {
+    let empty = TestService::start(Idle, &[]);
+    has(&plain(&empty, "/"), &["Nothing has been measured yet", "curl"]);
+    has(&plain(&empty, "/sequences"), &["There is no sequence yet"]);
+    let (service, job) = measured();
+    let psnr = format!("{:.2}", job["reports"][1]["values"]["psnr"].as_f64().unwrap());
+    let report = &job["reports"][1]["id"];
+    let hash = job["sequence_hash"].as_str().unwrap();
+    let name = "karis2014, current_weight 0.2";
     has(
-        &home,
+        &plain(&service, "/"),
         &[
-            "Latest reports",
+            "Overview",
             ">pan<",
             &psnr,
-            "karis2014, current_weight 0.2",
-            "c0ffee",
-            "topic",
+            name,
             "class=\"spark\"",
+            "Recent jobs",
+            "No open alert",
         ],
     );
-
-    let trends = dom(&service, "/trends");
-    has(&trends, &[&psnr, "same", "data-drawn=\"2\"", "<canvas", "u-legend"]);
-    has(&dom(&service, "/trends?sequence=pan"), &["data-drawn=\"2\""]);
     has(
-        &dom(&service, "/trends?metric=ssim&branch=nowhere"),
+        &plain(&service, "/trends"),
+        &[&psnr, "same", "<noscript><img", "c0ffee", "topic"],
+    );
+    has(
+        &plain(&service, "/trends?metric=ssim&branch=nowhere"),
         &["No report has this metric"],
     );
-
-    let page = dom(&service, "/jobs/2");
+    let page = plain(&service, "/jobs/2");
     has(
         &page,
         &[
             &psnr,
             "Frame by frame",
-            "data-drawn=\"2\"",
-            "<canvas",
             "Stages of the whole job",
-            "EXR",
+            "Run again",
+            "/frames/11\"",
         ],
     );
+    assert!(!page.contains("<script>document.title"), "a label became a script");
     has(
-        &page,
+        &plain(&service, &format!("/reports/{report}")),
+        &[&psnr, "Worst frames", "output.png?width=160", "warm-up"],
+    );
+    let viewer = plain(&service, &format!("/reports/{report}/frames/7?map=flip"));
+    has(
+        &viewer,
         &[
-            "/frames/11/output.png",
-            "/frames/11/reference.png",
-            "/frames/11/error.png?max=0.1",
-            "frame 11 of 11",
+            "/frames/7/output.png",
+            "/frames/7/input.png",
+            "/frames/7/reference.png",
+            "/frames/7/flip.png",
+            "Next frame",
         ],
     );
-    assert!(!page.contains("<title>owned"), "a label was run as a script");
-
-    let hash = job["sequence_hash"].as_str().unwrap();
     has(
-        &dom(&service, &format!("/sequences/{hash}")),
+        &plain(&service, &format!("/sequences/{hash}")),
         &["What its engine wrote", "64×48", "reference.png", &psnr],
     );
-    has(&dom(&service, "/jobs"), &["#1", "#2", "done"]);
-    has(&dom(&service, "/nowhere"), &["Not here", "/nowhere"]);
+    has(
+        &plain(&service, "/sequences"),
+        &[">pan<", "reference.png?width=320", "12 frames"],
+    );
+    has(&plain(&service, "/jobs"), &["#1", "#2", "done", "/jobs/new?from=2"]);
+    has(
+        &plain(&service, "/jobs/new?from=2"),
+        &["&quot;karis2014&quot;", "curl", "c0ffee"],
+    );
+    has(&plain(&service, "/nowhere"), &["Not here", "/nowhere"]);
+    has(
+        &plain(&service, &format!("/reports/{report}/frames/99")),
+        &["there is no frame 99"],
+    );
 }
 
 #[test]
 fn nothing_comes_from_elsewhere() {
-    let service = TestService::with_gpu();
+    let service = TestService::start(Idle, &[]);
     let mut response = ureq::get(service.url("/trends")).call().unwrap();
     let policy = response.headers()["content-security-policy"]
         .to_str()
@@ -141,4 +147,388 @@ fn nothing_comes_from_elsewhere() {
             "{asset}"
         );
     }
+}
+
+#[test]
+fn the_overview_says_what_got_worse_since_when() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    for commit in 0..12 {
+        night(
+            &client,
+            "ship",
+            "inside",
+            commit,
+            if commit < 8 { 31.0 } else { 30.0 } + 0.01 * (commit % 3) as f64,
+        );
+        night(&client, "bistro", "inside", commit, 33.0);
+    }
+    let mut page = Page::open();
+    page.go(&service.url("/"));
+    assert_eq!(page.number("document.querySelectorAll('#regressed').length"), 0.0);
+    assert_eq!(page.number("document.querySelectorAll('.cell').length"), 2.0);
+    assert_eq!(
+        page.number("[...document.querySelectorAll('.mark')].filter(e => e.textContent == 'no rule').length"),
+        2.0
+    );
+    let rules = json!({"rule": [{"metric": "psnr", "change": {"min_effect": 0.5, "min_segment": 3}}]});
+    let judged = client.posted("/verdicts", &json!({"reports": [23, 24], "rules": rules}));
+    assert_eq!(judged["outcome"], "regression", "{judged}");
+    page.go(&service.url("/"));
+    let row = page.text("document.querySelector('#regressed tbody').innerText");
+    has(&row, &["ship", "inside", "changed", "00000008", "00000007"]);
+    assert!(!row.contains("bistro"), "{row}");
+    let grid = page.text("document.querySelector('#grid').innerText");
+    has(&grid, &["✗ changed", "✓ holds"]);
+    page.click("#regressed a[href*='/trends']");
+    page.until("document.querySelector('.chart')?.dataset.changes == 1");
+    page.is_well();
+}
+
+#[test]
+fn trends_zoom_filter_and_open_reports() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    for commit in 0..40 {
+        night(&client, "ship", "ours", commit, if commit < 20 { 30.0 } else { 32.0 });
+        night(&client, "ship", "theirs", commit, 31.0);
+    }
+    client.posted(
+        "/reports/1/decisions",
+        &json!({"decision": "approved", "who": "me", "why": "good"}),
+    );
+    let mut page = Page::open();
+    page.go(&service.url("/trends"));
+    page.until("document.querySelector('.chart').dataset.points == 80");
+    page.until(
+        "document.querySelector('.chart').dataset.changes == 1 && document.querySelector('.chart').dataset.levels == 1",
+    );
+    assert_eq!(page.text("document.querySelector('.chart').dataset.drawn"), "2");
+
+    // Zoomed by dragging; the range is in the address and survives a reload.
+    let [x, y] = page.middle(".chart .u-over");
+    let width = page.number("document.querySelector('.u-over').clientWidth");
+    page.drag([x - 0.2 * width, y], [x + 0.2 * width, y]);
+    page.until("location.search.includes('from=') && document.querySelector('.chart').dataset.points < 60");
+    let zoomed = page.text("document.querySelector('.chart').dataset.points");
+    let address = page.text("location.href");
+    page.go(&address);
+    page.until("document.querySelector('.chart').dataset.points > 0");
+    assert_eq!(page.text("document.querySelector('.chart').dataset.points"), zoomed);
+    page.click("#range button");
+    page.until("document.querySelector('.chart').dataset.points == 80 && !location.search.includes('from=')");
+
+    // Hovered and clicked by keys.
+    page.value("document.querySelector('.chart').focus()");
+    page.key("ArrowRight");
+    page.until("document.querySelector('.tip')?.innerText.includes('00000000')");
+    page.click("details.rows summary");
+    page.until("document.querySelectorAll('details.rows tbody tr').length == 80");
+
+    page.click("form.difference button");
+    page.until("document.querySelector('.chart.minus').dataset.drawn == 1");
+    assert!(page.text("location.search").contains("minus.psnr=0-1"));
+
+    // Filtered by a tick.
+    page.click("details.pick:nth-of-type(3) summary");
+    page.click("input[name=recipe][value=theirs]");
+    page.click("form.filters > button");
+    page.until("location.search.includes('recipe=theirs') && document.querySelector('.chart')?.dataset.points == 40");
+    page.value("document.querySelector('.chart').focus()");
+    page.key("ArrowRight");
+    page.key("Enter");
+    page.until("location.pathname == '/reports/2'");
+    page.is_well();
+}
+
+#[test]
+fn a_report_has_a_chart_a_metric_and_its_worst_frames_first() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let frames: Vec<Value> = (0..30)
+        .map(|i| {
+            let psnr = if i == 17 { 20.0 } else { 30.0 + f64::from(i) / 10.0 };
+            json!({"index": i, "warmup": i < 4, "reset": i == 0 || i == 15, "metrics": {"psnr": psnr, "my-metric": 1},
+                   "times_ms": {"prepare": 0.1, "resolve": 0.4}})
+        })
+        .collect();
+    let body = json!({"sequence": "ship", "system": "ours", "frames": frames, "commit": "aa"});
+    let first = client.posted("/reports", &body)["id"].clone();
+    let second = client.posted("/reports", &body)["id"].clone();
+    let mut page = Page::open();
+    page.go(&service.url(&format!("/reports/{second}?with={first}")));
+    page.until("document.body.dataset.charts == 3");
+    assert_eq!(page.text("document.getElementById('chart-psnr').dataset.drawn"), "2");
+    assert_eq!(page.text("document.getElementById('chart-times').dataset.drawn"), "2");
+    has(
+        &page.text("document.querySelector('ol.worst li').innerText"),
+        &["frame 17", "20.00"],
+    );
+    // One cursor for all.
+    let [x, y] = page.middle("#chart-psnr .u-over");
+    let moved = json!({"type": "mouseMoved", "x": x, "y": y});
+    page.send("Input.dispatchMouseEvent", &moved);
+    page.until("document.querySelector('#chart-times .tip').innerText.includes('all 0.500 ms')");
+    page.is_well();
+}
+
+/// The stage's pixels beside those of the service's own picture of an image: the largest difference of a byte.
+fn largest_difference(page: &mut Page, png: &str) -> f64 {
+    page.number(&format!(
+        "(async () => {{
+            const bytes = async (source) => {{
+                const c = new OffscreenCanvas(64, 48).getContext('2d');
+                c.imageSmoothingEnabled = false;
+                c.drawImage(source, ...(source instanceof ImageBitmap ? [0, 0] : [0, 0, source.width, source.height, 0, 0, 64, 48]));
+                return c.getImageData(0, 0, 64, 48).data;
+            }};
+            const picture = await createImageBitmap(await (await fetch('{png}')).blob());
+            const [a, b] = [await bytes(picture), await bytes(document.getElementById('canvas'))];
+            return Math.max(...a.map((byte, i) => Math.abs(byte - b[i])));
+        }})()"
+    ))
+}
+
+#[test]
+fn the_viewer_shows_what_the_service_pictures() {
+    let (service, job) = measured();
+    let ids: Vec<String> = job["reports"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|report| report["id"].to_string())
+        .collect();
+    let base = format!("/api/v1/reports/{}/frames/7", ids[0]);
+    let mut page = Page::open();
+    page.resize(800, 900, false);
+    for (renderer, name) in [("2d", "2d"), ("gl", "webgl2")] {
+        for image in ["output", "reference", "input", "flip", "error"] {
+            let query = format!("mode=one&a={image}&renderer={renderer}");
+            page.go(&service.url(&format!("/reports/{}/frames/7?{query}", ids[0])));
+            page.until("document.getElementById('stage').dataset.draws > 0");
+            assert_eq!(page.text("document.getElementById('stage').dataset.renderer"), name);
+            // The stage becomes as large as eight times the image, so that every pixel of it can be found again.
+            page.value("Object.assign(document.getElementById('stage').style, {width: '514px', height: '386px'})");
+            page.until(
+                "document.getElementById('canvas').width == 512 && document.getElementById('stage').dataset.zoom == 8",
+            );
+            let file = if image == "error" {
+                "error.png?max=0.1".to_owned()
+            } else {
+                format!("{image}.png")
+            };
+            let found = largest_difference(&mut page, &format!("{base}/{file}"));
+            // A half has 11 bits: next to a step of the 256, a value may fall to its other side.
+            let bound = if image == "flip" || image == "error" { 4.0 } else { 1.0 };
+            assert!(found <= bound, "{renderer} {image}: {found}");
+            let other = largest_difference(&mut page, &format!("{}/{file}", base.replace("/7", "/2")));
+            assert!(other > 2.0 * bound, "another frame looks like it: {other}");
+            page.is_well();
+        }
+    }
+}
+
+#[test]
+fn the_viewer_steps_compares_and_keeps_its_address() {
+    let (service, job) = measured();
+    let ids: Vec<String> = job["reports"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|report| report["id"].to_string())
+        .collect();
+    let mut page = Page::open();
+    page.go(&service.url(&format!("/reports/{}/frames/3?with={}", ids[0], ids[1])));
+    page.until("document.getElementById('stage').dataset.frame == 3");
+    has(
+        &page.text("document.getElementById('b').selectedOptions[0].textContent"),
+        &["karis2014", "output"],
+    );
+    page.key("ArrowRight");
+    page.until("document.getElementById('stage').dataset.frame == 4 && location.pathname.endsWith('/frames/4')");
+
+    // The worst frame comes first, then the second worst.
+    let frames = service.client().get(&format!("/reports/{}/frames", ids[0])).json();
+    let mut order: Vec<(f64, i64)> = frames["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|frame| frame["warmup"] == false)
+        .map(|frame| {
+            (
+                frame["metrics"]["psnr"].as_f64().unwrap(),
+                frame["index"].as_i64().unwrap(),
+            )
+        })
+        .collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    page.go(&service.url(&format!("/reports/{}/frames/0?with={}", ids[0], ids[1])));
+    page.until("document.getElementById('stage').dataset.frame == 0");
+    for (_, index) in order.iter().take(2) {
+        page.click("#worst");
+        page.until(&format!("document.getElementById('stage').dataset.frame == {index}"));
+    }
+
+    for (key, mode) in [
+        ("1", "one"),
+        ("3", "side"),
+        ("4", "blink"),
+        ("5", "difference"),
+        ("2", "swipe"),
+    ] {
+        page.key(key);
+        page.until(&format!("document.getElementById('stage').dataset.mode == '{mode}'"));
+        if mode == "blink" {
+            page.until("document.getElementById('stage').dataset.blinked == 'b'");
+            page.until("document.getElementById('stage').dataset.blinked == 'a'");
+        }
+    }
+    // Zoomed to single pixels; the pixel under the pointer is told with both values.
+    for _ in 0..4 {
+        page.key("+");
+    }
+    page.key("e");
+    let middle = page.middle("#stage");
+    page.send(
+        "Input.dispatchMouseEvent",
+        &json!({"type": "mouseMoved", "x": middle[0] + 9.0, "y": middle[1]}),
+    );
+    page.until("/\\(32, 24\\).*output.*0\\..*karis2014/.test(document.getElementById('pixel').textContent)");
+    page.drag([middle[0] + 40.0, middle[1]], [middle[0] + 240.0, middle[1]]);
+    page.until("Number(new URL(location.href).searchParams.get('x')) < 32");
+    let address = page.text("location.href");
+    has(&address, &["zoom=", "ev=0.5", "mode=swipe", "with="]);
+    page.go(&address);
+    page.until("document.getElementById('stage').dataset.draws > 0");
+    assert_eq!(page.text("location.href"), address);
+    assert_eq!(page.text("document.getElementById('ev').value"), "0.5");
+    page.key(" ");
+    page.until("document.getElementById('play').getAttribute('aria-pressed') == 'true'");
+    page.until("document.getElementById('stage').dataset.frame == 11");
+    page.is_well();
+}
+
+#[test]
+fn a_job_is_made_watched_and_cancelled() {
+    let service = TestService::with_gpu();
+    let client = service.client();
+    client.put("pan", &packed("pan"));
+    let mut page = Page::open();
+    page.go(&service.url("/jobs/new"));
+    page.click("button.main");
+    page.until("document.getElementById('trouble').innerText.includes('presets')");
+    page.click("[data-preset=ema] input[name=preset]");
+    page.click("[data-preset=ema] summary");
+    page.until("document.querySelector('[data-preset=ema] input[name=current_weight]')");
+    page.value(
+        "{ const input = document.querySelector('[data-preset=ema] input[name=current_weight]'); input.value = '0.25';
+           input.dispatchEvent(new Event('input', {bubbles: true})); }",
+    );
+    let curl = page.text("document.getElementById('curl').textContent");
+    has(
+        &curl,
+        &["\"current_weight\": 0.25", "/api/v1/jobs", &service.address.to_string()],
+    );
+    page.click("button.main");
+    page.until("location.pathname == '/jobs/1'");
+    page.until("document.querySelector('.status.done')");
+    let spec = client.get("/jobs/1").json()["spec"]["presets"].clone();
+    assert_eq!(spec, json!([{"preset": "ema", "parameters": {"current_weight": 0.25}}]));
+    page.until("document.querySelector('.chart')?.dataset.drawn == 1");
+
+    // Run again, slowly: it moves on the list, and is cancelled there.
+    page.go(&service.url("/jobs/new?from=1"));
+    page.until("document.querySelector('[data-preset=ema] input[name=current_weight]')?.value == '0.25'");
+    page.value("{ document.querySelector('[name=repeat]').value = 100; document.querySelector('[name=validate]').checked = true; }");
+    page.click("button.main");
+    page.until("location.pathname == '/jobs/2'");
+    page.until("document.getElementById('progress')?.value > 0");
+    page.go(&service.url("/jobs"));
+    page.until("document.querySelector('[data-job=\"2\"] progress')?.value > 1");
+    page.click("[data-job=\"2\"] button");
+    page.until("document.querySelector('[data-job=\"2\"] .status.cancelled')");
+    page.is_well();
+}
+
+#[test]
+fn pages_fit_narrow_screens_and_both_schemes() {
+    let (service, job) = measured();
+    let (report, hash) = (&job["reports"][0]["id"], job["sequence_hash"].as_str().unwrap());
+    let paths = [
+        "/".to_owned(),
+        "/trends".to_owned(),
+        "/sequences".to_owned(),
+        format!("/sequences/{hash}"),
+        "/jobs".to_owned(),
+        "/jobs/2".to_owned(),
+        "/jobs/new?from=2".to_owned(),
+        format!("/reports/{report}"),
+        format!("/reports/{report}/frames/5"),
+        "/alerts".to_owned(),
+        "/stress".to_owned(),
+    ];
+    let mut page = Page::open();
+    for path in &paths {
+        let mut grounds = Vec::new();
+        for dark in [false, true] {
+            page.resize(360, 740, dark);
+            page.go(&service.url(path));
+            let width = page.number("document.documentElement.scrollWidth");
+            assert!(width <= 360.0, "{path} is {width} pixels wide");
+            grounds.push(page.text("getComputedStyle(document.body).backgroundColor"));
+        }
+        assert_ne!(grounds[0], grounds[1], "{path} has one scheme");
+        page.is_well();
+    }
+    // Chosen against the system, and kept; a view that is saved leads back.
+    page.go(&service.url("/trends?metric=ssim"));
+    page.value(
+        "{ const s = document.getElementById('theme'); s.value = 'light'; s.dispatchEvent(new Event('change')); }",
+    );
+    page.click("#views summary");
+    page.value("document.querySelector('#views input').value = 'my view'");
+    page.click("#views form button");
+    page.go(&service.url("/jobs"));
+    assert_eq!(
+        page.text("getComputedStyle(document.body).backgroundColor"),
+        "rgb(251, 251, 250)"
+    );
+    page.click("#views summary");
+    page.click("#views li a");
+    page.until("location.search == '?metric=ssim'");
+}
+
+#[test]
+fn pictures_can_be_embedded() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    for (commit, psnr) in [(1, 30.5), (2, 31.25)] {
+        night(&client, "ship", "ours", commit, psnr);
+    }
+    let answer = ureq::get(service.url("/badge.svg?metric=psnr&sequence=ship"))
+        .call()
+        .unwrap();
+    assert_eq!(answer.headers()["content-type"], "image/svg+xml");
+    has(
+        &plain(&service, "/badge.svg?metric=psnr&sequence=ship"),
+        &["<svg", "31.25 dB", "ship · ours psnr"],
+    );
+    has(
+        &plain(&service, "/badge.svg?metric=psnr&sequence=nowhere"),
+        &["no data"],
+    );
+    let chart = plain(&service, "/chart.svg?metric=psnr");
+    has(&chart, &["<path d=\"M62.0", "ours", "31.25"]);
+    // The newest is the best, so its end of the line is the higher one.
+    let ends: Vec<f64> = chart
+        .split("d=\"M")
+        .nth(1)
+        .unwrap()
+        .split('"')
+        .next()
+        .unwrap()
+        .split([' ', 'L'])
+        .map(|n| n.parse().unwrap())
+        .collect();
+    assert!(ends[3] < ends[1], "{ends:?}");
 }

@@ -1,6 +1,7 @@
 //! What several subjects share: one GPU a process, made-up frames, and a resolver run to images.
 
 pub mod agreement;
+pub mod browser;
 pub mod service;
 
 use afterimage::{

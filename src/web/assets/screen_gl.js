@@ -1,0 +1,176 @@
+// Draws images of halves with WebGL2: exposure, tone mapping and false colour of every pixel in one pass.
+
+import { NOT_FINITE, SHOWN, STOPS, TONEMAPS, palette } from "./pixels.js";
+
+const VERTICES = `#version 300 es
+void main() { gl_Position = vec4(vec2((gl_VertexID & 1) * 4 - 1, (gl_VertexID >> 1) * 4 - 1), 0, 1); }`;
+
+const FRAGMENTS = `#version 300 es
+precision highp float;
+precision highp int;
+uniform highp sampler2D image_a, image_b, palette;
+uniform vec2 size, origin;          // of the picture in its own pixels; where it begins on the canvas
+uniform float zoom, height;         // canvas pixels for a picture's; the canvas's height
+uniform bool is_map_a, is_map_b, is_difference;
+uniform vec2 scale_a, scale_b;      // black and white of maps
+uniform float exposure, white;
+uniform int tonemap, shown;
+out vec4 color;
+
+const vec3 NOT_FINITE = vec3(${NOT_FINITE.map((c) => (c / 255).toFixed(4)).join(", ")});
+
+bool finite(vec3 v) { return !any(isnan(v)) && !any(isinf(v)); }
+vec3 false_color(float level) {
+    return texelFetch(palette, ivec2(int(clamp(level * 255.0, 0.0, 255.0) + 0.5), 0), 0).rgb;
+}
+vec3 encode(vec3 v) {
+    v = min(v, 1.0);
+    return mix(1.055 * pow(max(v, 1e-9), vec3(1.0 / 2.4)) - 0.055, 12.92 * v, lessThanEqual(v, vec3(0.0031308)));
+}
+vec3 displayed(vec3 linear) {
+    vec3 v = max(linear, 0.0) * exposure;
+    if (tonemap == 1) v /= 1.0 + max(max(v.r, v.g), v.b);
+    if (tonemap == 2) v = v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14);
+    return encode(v);
+}
+vec3 texel(sampler2D image, vec2 at) {
+    ivec2 n = textureSize(image, 0);
+    return texelFetch(image, min(ivec2(at / size * vec2(n)), n - 1), 0).rgb;
+}
+float level(float value, vec2 scale) { return (value - scale.x) / (scale.y - scale.x); }
+vec3 show(vec3 v, bool is_map, vec2 scale) {
+    if (is_map) return isnan(v.r) || isinf(v.r) ? NOT_FINITE : false_color(level(v.r, scale));
+    if (!finite(v)) return NOT_FINITE;
+    if (shown == 0) return displayed(v);
+    if (shown < 4) return vec3(displayed(vec3(v[shown - 1]))[0]);
+    float y = dot(v, vec3(0.2126, 0.7152, 0.0722)) * exposure;
+    return false_color((log2(max(y, 1e-9)) - ${STOPS[0].toFixed(1)}) / ${(STOPS[1] - STOPS[0]).toFixed(1)});
+}
+vec3 at(vec2 place) {
+    vec3 a = texel(image_a, place);
+    if (!is_difference) return show(a, is_map_a, scale_a);
+    vec3 b = texel(image_b, place);
+    if (is_map_a || is_map_b) {
+        float d = abs((is_map_a ? level(a.r, scale_a) : a.r) - (is_map_b ? level(b.r, scale_b) : b.r));
+        return isnan(d) || isinf(d) ? NOT_FINITE : false_color(d);
+    }
+    if (!finite(a) || !finite(b)) return NOT_FINITE;
+    return false_color(dot(abs(displayed(a) - displayed(b)), vec3(1.0 / 3.0)) / white);
+}
+void main() {
+    vec2 place = (vec2(gl_FragCoord.x, height - gl_FragCoord.y) - origin) / zoom;
+    if (any(lessThan(place, vec2(0.0))) || any(greaterThanEqual(place, size))) { color = vec4(0.0); return; }
+    if (zoom >= 1.0) { color = vec4(at(place), 1.0); return; }
+    // Smaller than it is: the mean of the pixels that a canvas pixel covers.
+    int n = min(int(ceil(1.0 / zoom)), 8);
+    vec2 corner = place - 0.5 / zoom;
+    vec3 sum = vec3(0.0);
+    for (int y = 0; y < n; y++) for (int x = 0; x < n; x++) {
+        vec2 here = corner + (vec2(x, y) + 0.5) / (zoom * float(n));
+        sum += at(clamp(here, vec2(0.0), size - 0.5));
+    }
+    color = vec4(sum / float(n * n), 1.0);
+}`;
+
+/** How many images stay on the GPU. */
+const MAX_TEXTURES = 24;
+
+export class GlScreen {
+  /** Nothing where the browser has no WebGL2. */
+  static on(canvas) {
+    const gl = canvas.getContext("webgl2", { antialias: false, premultipliedAlpha: false, preserveDrawingBuffer: true });
+    return gl && new GlScreen(gl);
+  }
+
+  constructor(gl) {
+    this.gl = gl;
+    this.textures = new Map();
+    this.program = program(gl);
+    this.places = new Map();
+    this.palette = texture(gl, gl.RGBA8, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, palette);
+    gl.useProgram(this.program);
+    gl.bindVertexArray(gl.createVertexArray());
+    gl.enable(gl.SCISSOR_TEST);
+  }
+
+  place(name) {
+    if (!this.places.has(name)) this.places.set(name, this.gl.getUniformLocation(this.program, name));
+    return this.places.get(name);
+  }
+
+  texture(image) {
+    const { gl, textures } = this;
+    let found = textures.get(image);
+    textures.delete(image);
+    const isMap = image.channels === 1;
+    found ??= texture(gl, isMap ? gl.R16F : gl.RGB16F, image.width, image.height, isMap ? gl.RED : gl.RGB, gl.HALF_FLOAT, image.halves);
+    textures.set(image, found);
+    for (const [old, handle] of textures) {
+      if (textures.size <= MAX_TEXTURES) break;
+      gl.deleteTexture(handle);
+      textures.delete(old);
+    }
+    return found;
+  }
+
+  /** Each pane: { clip: [x, y, width, height], origin, zoom, size, a, b }, all in canvas pixels from the top left. */
+  draw(panes, { display, ev, shown, white }) {
+    const { gl } = this;
+    const { width, height } = gl.canvas;
+    gl.viewport(0, 0, width, height);
+    gl.scissor(0, 0, width, height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.uniform1f(this.place("height"), height);
+    gl.uniform1f(this.place("exposure"), display.exposure * 2 ** ev);
+    gl.uniform1f(this.place("white"), white);
+    gl.uniform1i(this.place("tonemap"), TONEMAPS.indexOf(display.tonemap));
+    gl.uniform1i(this.place("shown"), SHOWN.indexOf(shown));
+    for (const { clip, origin, zoom, size, a, b } of panes) {
+      const [x, y, w, h] = clip.map(Math.round);
+      gl.scissor(x, height - y - h, w, h);
+      [a, b ?? a].forEach((image, i) => {
+        const name = "ab"[i];
+        gl.activeTexture(gl.TEXTURE0 + i);
+        gl.bindTexture(gl.TEXTURE_2D, this.texture(image));
+        gl.uniform1i(this.place(`image_${name}`), i);
+        gl.uniform1i(this.place(`is_map_${name}`), image.channels === 1);
+        gl.uniform2fv(this.place(`scale_${name}`), image.scale ?? [0, 1]);
+      });
+      gl.activeTexture(gl.TEXTURE2);
+      gl.bindTexture(gl.TEXTURE_2D, this.palette);
+      gl.uniform1i(this.place("palette"), 2);
+      gl.uniform1i(this.place("is_difference"), b ? 1 : 0);
+      gl.uniform2fv(this.place("size"), size);
+      gl.uniform2fv(this.place("origin"), origin);
+      gl.uniform1f(this.place("zoom"), zoom);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+  }
+}
+
+function program(gl) {
+  const made = gl.createProgram();
+  for (const [type, text] of [
+    [gl.VERTEX_SHADER, VERTICES],
+    [gl.FRAGMENT_SHADER, FRAGMENTS],
+  ]) {
+    const shader = gl.createShader(type);
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    gl.attachShader(made, shader);
+  }
+  gl.linkProgram(made);
+  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
+  return made;
+}
+
+function texture(gl, internal, width, height, layout, type, data) {
+  const made = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, made);
+  gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+  gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, layout, type, data);
+  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+  return made;
+}
