@@ -120,6 +120,16 @@ class AlertPage(TypedDict):
     #: Where the next page begins; none after the last.
     next_cursor: Union["Cursor", None]
 
+class Baseline(TypedDict):
+    """The approved results of a line."""
+
+    #: The worst that rules allow beside them.
+    allowed: Union["Value", None]
+    #: How many there are.
+    n_approved: int
+    #: The worst of them; of a metric of unknown direction, their mean.
+    worst: "Value"
+
 class BenchPage(TypedDict):
     """A page of benchmarks."""
 
@@ -127,6 +137,32 @@ class BenchPage(TypedDict):
     next_cursor: Union["Cursor", None]
     #: Newest job first.
     runs: List["BenchRun"]
+
+class BenchPoint(TypedDict):
+    """One setting: what it costs and what it gives."""
+
+    #: What the passes must move at the least: each image they bind once, bytes for a pixel of output.
+    bytes_per_pixel: float
+    #: The setting that is as fast or faster and as good or better; none on the front.
+    dominated_by: Union[str, None]
+    #: Mean over frames after warm-up, by metric id.
+    metrics: Dict[str, "Value"]
+    #: What differs from the preset: parameters and knobs.
+    parameters: Dict[str, Any]
+    #: Median of each pass by timestamps (on a CPU adapter wall time); none where there are none.
+    passes_ms: Dict[str, float]
+    #: The most that was allocated on the device at once while this setting ran alone; none where it is not counted.
+    peak_gpu_bytes: Union[int, None]
+    #: Preset id.
+    preset: str
+    #: Name of the sequence.
+    sequence: str
+    #: Share of the resolve's tiles that had nothing to do, 0 to 1.
+    skipped: float
+    #: Of one frame.
+    time_ms: "Timing"
+    #: CPU time of the process for bringing a frame to the device, median: comparing it with the one before where tiles may be skipped, and copying what differs. No part of `time_ms`.
+    upload_ms: float
 
 #: The body of `POST /bench`.
 BenchRequest = TypedDict('BenchRequest', {'bench': "BenchSpecInput", 'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'from': NotRequired[Union["DepartureInput", None]], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'parent': NotRequired[Union[str, None]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'sequence': str})
@@ -149,7 +185,7 @@ class BenchRun(TypedDict):
     #: What the same setting measured twice differs by.
     noise: "Noise"
     #: Each setting, in the order of presets and knobs.
-    points: List["Point2"]
+    points: List["BenchPoint"]
     #: Git revision of the build.
     revision: str
     #: What was resolved.
@@ -289,6 +325,24 @@ class Cell(TypedDict):
     size: "Extent"
     #: How it stood.
     verdict: "StressVerdict"
+
+class Change(TypedDict):
+    """A change of level."""
+
+    #: Median after, up to the next change.
+    after: "Value"
+    #: Median before, back to the change before.
+    before: "Value"
+    #: Its commit.
+    commit: Union[str, None]
+    #: When it was stored.
+    created_at: "Timestamp"
+    #: The probability that chance made it.
+    p: float
+    #: The first report of the new level.
+    report_id: int
+    #: Whether it is a change for the worse; none of a metric of unknown direction.
+    worse: Union[bool, None]
 
 class ChangeRule(TypedDict):
     """Change-point detection: what counts as a change."""
@@ -699,6 +753,20 @@ class Listing(TypedDict):
     #: Raised when the numbers change.
     version: int
 
+class Marks(TypedDict):
+    """What lies behind a line."""
+
+    #: What was approved.
+    baseline: Union["Baseline", None]
+    #: The branch whose rules these are; none where no branch has any for this line.
+    branch: Union[str, None]
+    #: Where the line changed its level, oldest first.
+    changes: List["Change"]
+    #: The most that is good enough.
+    max: Union["Value", None]
+    #: The least that is good enough.
+    min: Union["Value", None]
+
 class Matrix(TypedDict):
     """A matrix with its cells."""
 
@@ -831,32 +899,6 @@ class Point(TypedDict):
     report_id: int
     #: The value.
     value: "Value"
-
-class Point2(TypedDict):
-    """One setting: what it costs and what it gives."""
-
-    #: What the passes must move at the least: each image they bind once, bytes for a pixel of output.
-    bytes_per_pixel: float
-    #: The setting that is as fast or faster and as good or better; none on the front.
-    dominated_by: Union[str, None]
-    #: Mean over frames after warm-up, by metric id.
-    metrics: Dict[str, "Value"]
-    #: What differs from the preset: parameters and knobs.
-    parameters: Dict[str, Any]
-    #: Median of each pass by timestamps (on a CPU adapter wall time); none where there are none.
-    passes_ms: Dict[str, float]
-    #: The most that was allocated on the device at once while this setting ran alone; none where it is not counted.
-    peak_gpu_bytes: Union[int, None]
-    #: Preset id.
-    preset: str
-    #: Name of the sequence.
-    sequence: str
-    #: Share of the resolve's tiles that had nothing to do, 0 to 1.
-    skipped: float
-    #: Of one frame.
-    time_ms: "Timing"
-    #: CPU time of the process for bringing a frame to the device, median: comparing it with the one before where tiles may be skipped, and copying what differs. No part of `time_ms`.
-    upload_ms: float
 
 class PointList(TypedDict):
     """Points of a series."""
@@ -1913,14 +1955,15 @@ class Client:
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
         return self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames", {}, {'Idempotency-Key': idempotency_key}, body)
 
-    def get_report_image(self, report: int, frame: int, image: str, *, max: Optional[float] = None) -> bytes:
-        """A frame's output, reference, error, or map of a spatial metric
+    def get_report_image(self, report: int, frame: int, image: str, *, max: Optional[float] = None, width: Optional[int] = None) -> bytes:
+        """A frame's input, output, reference, error, or map of a spatial metric
 
         report: Number.
         frame: Frame index, from 0.
         image: `output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`.
-        max: The error, in display values, or the value of a map that is drawn white."""
-        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'max': max}, {}, None)
+        max: The error, in display values, or the value of a map that is drawn white.
+        width: Make a PNG at most so wide, 16 to 4096 pixels."""
+        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'max': max, 'width': width}, {}, None)
 
     def get_validation(self, report: int) -> "Validation":
         """How far the adapter is from the twin, every pass of every frame
@@ -1970,13 +2013,14 @@ class Client:
         sequence: Content hash, or the name it was last put under."""
         return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/archive", {}, {}, None)
 
-    def get_reference_image(self, sequence: str, frame: int, image: str) -> bytes:
-        """A frame's reference
+    def get_sequence_image(self, sequence: str, frame: int, image: str, *, width: Optional[int] = None) -> bytes:
+        """A frame's input or reference
 
         sequence: Content hash, or the name it was last put under.
         frame: Frame index, from 0.
-        image: `output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`."""
-        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {}, {}, None)
+        image: `output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`.
+        width: Make a PNG at most so wide, 16 to 4096 pixels."""
+        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'width': width}, {}, None)
 
     def list_series(self, metric: str, *, adapter: Optional[str] = None, branch: Optional[str] = None, limit: Optional[int] = None, preset: Optional[str] = None, project: Optional[str] = None, sequence: Optional[str] = None) -> "TrendList":
         """A metric over time, a line for each sequence, recipe and environment
@@ -1995,6 +2039,14 @@ class Client:
 
         series: Number."""
         return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}", {}, {}, None)
+
+    def get_marks(self, series: int, metric: str, *, branch: Optional[str] = None) -> "Marks":
+        """What a chart of a line draws beside its points: limits, baseline, changes of level
+
+        series: Number.
+        branch: Of this branch and its past, by its rules; without it, of all reports, by the rules of the newest one's branch.
+        metric: A metric's id, or `gpu_time_ms`."""
+        return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}/marks", {'branch': branch, 'metric': metric}, {}, None)
 
     def list_points(self, series: int, metric: str, *, branch: Optional[str] = None, format: Optional[Union[Literal['csv'], Literal['json'], Literal['parquet']]] = None, limit: Optional[int] = None, max_points: Optional[int] = None, since_ms: Optional[int] = None, until_ms: Optional[int] = None) -> Union["PointList", bytes]:
         """A metric of one line, whole or thinned, as JSON, CSV or Parquet

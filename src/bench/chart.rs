@@ -82,7 +82,7 @@ fn front<'a>(placed: &[Placed<'a>]) -> Vec<Placed<'a>> {
 fn chart(metric: Metric, now: &[Placed<'_>], before: &[Vec<Placed<'_>>]) -> Markup {
     let all = || now.iter().chain(before.iter().flatten());
     let (xs, ys) = (
-        Axis::powers(all().map(|at| at.ms)),
+        Axis::powers(all().flat_map(|at| [at.point.time_ms.low, at.point.time_ms.high])),
         Axis::linear(all().map(|at| at.value)),
     );
     let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);

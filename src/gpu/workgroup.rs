@@ -52,7 +52,9 @@ impl FromStr for Workgroup {
             .split_once('x')
             .and_then(|(x, y)| Some((x.parse().ok()?, y.parse().ok()?)));
         match sides {
-            Some((x, y)) if x > 0 && y > 0 && x <= 256 && y <= 256 && 256_u32 % (x * y) == 0 => Ok(Self { x, y }),
+            Some((x, y)) if x > 0 && y > 0 && x <= 256 && y <= 256 && 256_u32.is_multiple_of(x * y) => {
+                Ok(Self { x, y })
+            }
             _ => Err(format!(
                 "`{text}` is no workgroup: write 8x8 or 64x1; the product must divide 256"
             )),

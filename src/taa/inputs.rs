@@ -388,7 +388,7 @@ impl<'a> View<'a> {
         // Shaders name more images than a recipe's pipeline reads.
         let reads = self.recipe.required_channels().union(self.recipe.optional_channels());
         let if_read = |is_read: bool, image: &'a Texture| if is_read { image } else { &inputs.nothing };
-        let ids = |image: &'a Texture| if reads.object_id { image } else { &inputs.no_ids };
+        let ids_if = |is_read: bool, image: &'a Texture| if is_read { image } else { &inputs.no_ids };
         self.bind_frame_to(pass)
             .offer("color", self.color)
             .offer("depth", if_read(reads.depth, inputs.depth.current()))
@@ -396,8 +396,11 @@ impl<'a> View<'a> {
                 "previous_depth",
                 if_read(self.recipe.reads_previous_depth(), inputs.depth.previous()),
             )
-            .offer("object_id", ids(inputs.object_id.current()))
-            .offer("previous_object_id", ids(inputs.object_id.previous()))
+            .offer("object_id", ids_if(reads.object_id, inputs.object_id.current()))
+            .offer(
+                "previous_object_id",
+                ids_if(self.recipe.reject_id, inputs.object_id.previous()),
+            )
             .offer("motion", if_read(reads.motion, &inputs.motion))
             .offer("reactive_mask", if_read(reads.reactive, &inputs.reactive))
     }

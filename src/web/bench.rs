@@ -59,6 +59,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<BenchQuery>)
         title: "Run time against error",
         section: Some(Section::Bench),
         script: None,
+        charts: false,
         content,
     };
     Ok(page.render(&service))
