@@ -36,14 +36,13 @@ pub async fn page(State(service): Shared, RawQuery(query): RawQuery) -> Result<H
     if let (Some(sequence), Some(body)) = (query.one("sequence"), body.as_object_mut()) {
         body.insert("sequence".to_owned(), sequence.into());
     }
-    let is_plain = from
-        .as_ref()
-        .is_none_or(|job| job.spec.stress.is_none() && job.spec.outputs.is_none());
+    let spec = from.as_ref().map(|job| &job.spec);
+    let is_plain = spec.is_none_or(|spec| spec.stress.is_none() && spec.outputs.is_none() && spec.bench.is_none());
     let sequences = service.store.sequences().await?;
-    let path = if from.as_ref().is_some_and(|job| job.spec.stress.is_some()) {
-        "/stress"
-    } else {
-        "/jobs"
+    let path = match spec {
+        Some(spec) if spec.stress.is_some() => "/stress",
+        Some(spec) if spec.bench.is_some() => "/bench",
+        _ => "/jobs",
     };
     let content = html! {
         h1 { "New job" }
@@ -72,15 +71,19 @@ pub fn request(job: &Job) -> Value {
         return json!({"stress": stress, "project": job.project});
     }
     let (provenance, sequence) = (&job.provenance, &job.sequence_hash);
+    if let Some(bench) = &spec.bench {
+        return json!({"sequence": sequence, "bench": bench, "project": job.project});
+    }
     let mut body = json!({
         "sequence": sequence, "metrics": run.metrics, "history": run.history, "repeat": run.repeat,
-        "images": spec.images, "project": job.project,
+        "images": spec.images, "project": job.project, "skip": run.skip, "force": true,
     });
     let optional = [
         ("frames", json!(run.n_frames)),
         ("branch", json!(provenance.branch)),
         ("commit", json!(provenance.commit)),
         ("label", json!(provenance.label)),
+        ("until", json!(run.until)),
     ];
     for (name, value) in optional {
         if !value.is_null() {

@@ -73,6 +73,8 @@ function request() {
   for (const name of ["project", "branch", "commit", "label"]) {
     if (elements[name].value && elements[name].value !== usual[name]) body[name] = elements[name].value;
   }
+  // What a job that is run again was asked beside.
+  for (const name of ["skip", "until", "force"]) if (given[name] && given[name] !== "off") body[name] = given[name];
   return body;
 }
 
