@@ -8,12 +8,13 @@
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
 use afterimage::{
+    bench::textured,
     gpu::{Gpu, ReadbackPool, Timer},
     image::{
         Extent, Image,
         files::{Backend, FileReader, Limits},
     },
-    metrics::{Display, Metric, Tonemap},
+    metrics::Metric,
     run::{self, MetricsOn, Observer, PresetSpec, RunSpec, Validate},
     sequence::{Frame, Sequence, Sizes, frame::Rgb},
     taa::{
@@ -66,7 +67,6 @@ struct Keep {
 }
 
 impl Observer for Keep {
-    fn progress(&self, _: usize, _: usize) {}
     fn wants_output(&self) -> bool {
         true
     }
@@ -80,9 +80,6 @@ impl Observer for Keep {
             .expect("not poisoned")
             .push((preset, frame, image.clone()));
         Ok(())
-    }
-    fn cancelled(&self) -> bool {
-        false
     }
 }
 
@@ -239,35 +236,4 @@ fn readback(gpu: &Gpu, extent: Extent) -> anyhow::Result<()> {
     })?;
     println!("  read-back  {cpu:.0} ({wall:.0})");
     Ok(())
-}
-
-/// Every texel different, motion everywhere, two depths.
-fn textured(extent: Extent, index: usize) -> Frame {
-    let hash = |x: u32, y: u32| {
-        let h = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ index as u32).wrapping_mul(0x2c1b_3c6d);
-        ((h ^ (h >> 15)) >> 8) as f32 / 16_777_216.0
-    };
-    Frame {
-        index,
-        reset: index == 0,
-        jitter_px: [0.125, -0.25],
-        far: 100.0,
-        display: Display {
-            exposure: 1.0,
-            tonemap: Tonemap::ReinhardMax,
-        },
-        output_size: extent,
-        parity: None,
-        color: Image::from_fn(extent, |x, y| [hash(x, y), hash(y, x), 2.0 * hash(x + y, x)]),
-        depth: Some(Image::from_fn(extent, |x, y| {
-            if (x / 40 + y / 40) % 2 == 0 { 2.0 } else { 5.0 }
-        })),
-        motion_px: Some(Image::from_fn(extent, |x, y| [1.5 + hash(x / 40, y / 40), -0.75])),
-        object_id: None,
-        albedo: None,
-        reactive: None,
-        unjittered_color: None,
-        reference: None,
-        others: None,
-    }
 }

@@ -11,17 +11,16 @@ mod sweep;
 mod tune;
 
 pub use csv::csv;
-pub use tune::tune;
+pub use tune::{textured, tune};
 
 use crate::{
     gpu::{Gpu, GpuError},
-    image::Image,
     metrics::{Metric, Value},
     run::{
         self, MetricsOn, Observer, PresetSpec, RunError, RunSpec, Validate,
         report::{AdapterInfo, SequenceInfo},
     },
-    sequence::{Sequence, frame::Rgb},
+    sequence::Sequence,
     taa::Precision,
 };
 use measure::Measured;
@@ -329,16 +328,6 @@ fn scores(
 struct Scoring<'a>(&'a dyn Observer);
 
 impl Observer for Scoring<'_> {
-    fn progress(&self, _: usize, _: usize) {}
-
-    fn wants_output(&self) -> bool {
-        false
-    }
-
-    fn output(&self, _: usize, _: usize, _: &Image<Rgb>) -> Result<(), std::io::Error> {
-        Ok(())
-    }
-
     fn cancelled(&self) -> bool {
         self.0.cancelled()
     }

@@ -25,7 +25,7 @@ pub fn tune(gpu: &Gpu) -> Result<Vec<(Workgroup, f64)>, BenchError> {
     let sizes = Sizes::native(EXTENT);
     let wanted = BTreeSet::from([recipe.preparation()]);
     let mut inputs = Inputs::new(gpu, sizes, recipe.required_channels(), &wanted)?;
-    inputs.upload(gpu, &textured())?;
+    inputs.upload(gpu, &textured(EXTENT, 1))?;
     let mut candidates = Vec::new();
     for workgroup in Workgroup::CANDIDATES {
         let gpu = gpu.with(Variant {
@@ -61,22 +61,22 @@ pub fn tune(gpu: &Gpu) -> Result<Vec<(Workgroup, f64)>, BenchError> {
     Ok(measured)
 }
 
-/// Every texel different, motion everywhere, two depths: nothing here is easy on the caches.
-fn textured() -> Frame {
-    let hash = |x: u32, y: u32| lattice(i64::from(x), i64::from(y), 0) as f32;
+/// A frame whose texels all differ, with motion everywhere and two depths: nothing in it is easy on the caches.
+pub fn textured(extent: Extent, index: usize) -> Frame {
+    let hash = |x: u32, y: u32| lattice(i64::from(x), i64::from(y), index as u64) as f32;
     Frame {
-        index: 1,
-        reset: false,
+        index,
+        reset: index == 0,
         jitter_px: [0.125, -0.25],
         far: 100.0,
-        output_size: EXTENT,
+        output_size: extent,
         display: Display::default(),
         parity: None,
-        color: Image::from_fn(EXTENT, |x, y| [hash(x, y), hash(y, x), 2.0 * hash(x + y, x)]),
-        depth: Some(Image::from_fn(EXTENT, |x, y| {
+        color: Image::from_fn(extent, |x, y| [hash(x, y), hash(y, x), 2.0 * hash(x + y, x)]),
+        depth: Some(Image::from_fn(extent, |x, y| {
             if (x / 40 + y / 40) % 2 == 0 { 2.0 } else { 5.0 }
         })),
-        motion_px: Some(Image::from_fn(EXTENT, |x, y| [1.5 + hash(x / 40, y / 40), -0.75])),
+        motion_px: Some(Image::from_fn(extent, |x, y| [1.5 + hash(x / 40, y / 40), -0.75])),
         object_id: None,
         albedo: None,
         reactive: None,

@@ -1,17 +1,16 @@
 //! `afterimage bench`
 
 use super::{
-    JsonTarget, note, print, progress_bar,
+    Bar, JsonTarget, note, print, progress_bar,
     run::{PresetChoice, file_reader},
     table,
 };
 use afterimage::{
     bench::{self, BenchReport, BenchSpec, Point},
     gpu::Gpu,
-    image::{Image, files::Backend},
+    image::files::Backend,
     metrics::Metric,
-    run::Observer,
-    sequence::{Sequence, frame::Rgb},
+    sequence::Sequence,
     taa::Precision,
 };
 use anyhow::Context;
@@ -19,7 +18,7 @@ use serde::Serialize;
 use serde_json::Value;
 use std::{
     collections::BTreeMap,
-    fs, io,
+    fs,
     path::{Path, PathBuf},
 };
 
@@ -122,9 +121,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     }
     let mut reports = Vec::new();
     for (spec, sequence) in specs.iter().zip(&sequences) {
-        let bar = progress_bar(sequence.name(), 0);
-        let report = bench::execute(spec, sequence, &gpu, &Screen(&bar)).with_context(|| sequence.name().to_owned())?;
-        bar.finish_and_clear();
+        let bar = Bar(progress_bar(sequence.name(), 0));
+        let report = bench::execute(spec, sequence, &gpu, &bar).with_context(|| sequence.name().to_owned())?;
+        bar.0.finish_and_clear();
         for reason in &report.left_out {
             note(&format!("{}: left out {reason}", sequence.name()));
         }
@@ -200,28 +199,6 @@ fn tune(gpu: &Gpu) -> anyhow::Result<()> {
         path.display()
     ));
     Ok(())
-}
-
-/// Shows progress.
-struct Screen<'a>(&'a indicatif::ProgressBar);
-
-impl Observer for Screen<'_> {
-    fn progress(&self, n_done: usize, n_total: usize) {
-        self.0.set_length(n_total as u64);
-        self.0.set_position(n_done as u64);
-    }
-
-    fn wants_output(&self) -> bool {
-        false
-    }
-
-    fn output(&self, _: usize, _: usize, _: &Image<Rgb>) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn cancelled(&self) -> bool {
-        false
-    }
 }
 
 fn points(reports: &[BenchReport]) -> Vec<&Point> {

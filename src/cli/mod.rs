@@ -24,6 +24,7 @@ pub mod table;
 pub mod token;
 mod validation;
 
+use afterimage::run::Observer;
 use anyhow::Context;
 use serde::Serialize;
 use std::{fmt, fs, io::IsTerminal, path::PathBuf};
@@ -95,6 +96,16 @@ pub fn log_to_stderr() {
 }
 
 /// A progress bar on standard error; nothing where that is not a terminal.
+/// Shows a run's progress, keeps no images.
+pub struct Bar(pub indicatif::ProgressBar);
+
+impl Observer for Bar {
+    fn progress(&self, n_done: usize, n_total: usize) {
+        self.0.set_length(n_total as u64);
+        self.0.set_position(n_done as u64);
+    }
+}
+
 pub fn progress_bar(title: &str, n_total: u64) -> indicatif::ProgressBar {
     let style = indicatif::ProgressStyle::with_template("{prefix} [{bar:40}] {pos}/{len} {eta}")
         .expect("a valid template")

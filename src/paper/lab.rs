@@ -72,8 +72,6 @@ struct Camera {
 }
 
 impl Observer for Camera {
-    fn progress(&self, _: usize, _: usize) {}
-
     fn wants_output(&self) -> bool {
         self.frame_index.is_some()
     }
@@ -84,10 +82,6 @@ impl Observer for Camera {
             pictures[preset_index] = Some(image.clone());
         }
         Ok(())
-    }
-
-    fn cancelled(&self) -> bool {
-        false
     }
 }
 

@@ -117,15 +117,19 @@ impl RunSpec {
     }
 }
 
-/// Watches a run from outside. Called from the run's own threads.
+/// Watches a run from outside. Called from the run's own threads. Whoever has no method sees nothing, and `()` has none.
 pub trait Observer: Sync {
     /// `n_done` of `n_total` frame × preset pairs have their metrics; as many again are validated, where that was asked for.
-    fn progress(&self, n_done: usize, n_total: usize);
+    fn progress(&self, _n_done: usize, _n_total: usize) {}
     /// Whether `output` should be called.
-    fn wants_output(&self) -> bool;
+    fn wants_output(&self) -> bool {
+        false
+    }
     /// The shown image of one frame of `spec.presets[preset_index]`, linear RGB.
-    fn output(&self, preset_index: usize, frame_index: usize, image: &Image<Rgb>) -> Result<(), std::io::Error>;
-    /// The same image beside its reference, where the run has metrics. Nothing by default.
+    fn output(&self, _preset_index: usize, _frame_index: usize, _image: &Image<Rgb>) -> Result<(), std::io::Error> {
+        Ok(())
+    }
+    /// The same image beside its reference, where the run has metrics.
     fn compared(
         &self,
         _preset_index: usize,
@@ -136,8 +140,12 @@ pub trait Observer: Sync {
         Ok(())
     }
     /// Asked between frames; `true` ends the run with [`RunError::Cancelled`].
-    fn cancelled(&self) -> bool;
+    fn cancelled(&self) -> bool {
+        false
+    }
 }
+
+impl Observer for () {}
 
 /// Why a run gave no report.
 #[derive(Debug, thiserror::Error)]

@@ -8,17 +8,12 @@ use super::{
     sequences,
 };
 use crate::{
-    bench::{self, BenchSpec},
+    bench::{self, BenchReport, BenchSpec},
     metrics::Metric,
     sequence::Sequence,
-    store::{BenchFilter, BenchRun, JobSpec, NewJob, Timestamp},
+    store::{BenchFilter, BenchRun, JobSpec, NewJob},
 };
-use axum::{
-    Json,
-    extract::State,
-    http::{StatusCode, header},
-    response::IntoResponse,
-};
+use axum::{Json, extract::State, http::header, response::IntoResponse};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -59,12 +54,7 @@ pub async fn post(
         provenance,
         result_key: None,
     };
-    let id = service.store.enqueue(&job, Timestamp::now()).await?;
-    service.wake.notify_one();
-    let location = [(header::LOCATION, format!("/api/v1/jobs/{id}"))];
-    let job = service.store.job(id).await?;
-    let job = job.ok_or_else(|| ApiError::not_found(format!("there is no job {id}")))?;
-    Ok((StatusCode::ACCEPTED, location, Json(job)))
+    super::jobs::accept(&service, &job).await
 }
 
 /// Query of `GET /bench`.
@@ -121,17 +111,23 @@ pub struct FrontQuery {
     metric: Option<Metric>,
 }
 
+impl FrontQuery {
+    async fn report(self, service: &Service, job_id: i64) -> Result<BenchReport, ApiError> {
+        let report = find(service, job_id).await?.report;
+        Ok(match self.metric {
+            Some(metric) => report.on(metric),
+            None => report,
+        })
+    }
+}
+
 /// `GET /bench/{job}/front.svg`: time against the metric, with the Pareto front.
 pub async fn front(
     State(service): Shared,
     ApiPath(job_id): ApiPath<i64>,
     ApiQuery(query): ApiQuery<FrontQuery>,
 ) -> Result<impl IntoResponse, ApiError> {
-    let report = find(&service, job_id).await?.report;
-    let report = match query.metric {
-        Some(metric) => report.on(metric),
-        None => report,
-    };
+    let report = query.report(&service, job_id).await?;
     Ok(([(header::CONTENT_TYPE, "image/svg+xml")], report.svg(&[])))
 }
 
@@ -141,11 +137,7 @@ pub async fn points(
     ApiPath(job_id): ApiPath<i64>,
     ApiQuery(query): ApiQuery<FrontQuery>,
 ) -> Result<impl IntoResponse, ApiError> {
-    let report = find(&service, job_id).await?.report;
-    let report = match query.metric {
-        Some(metric) => report.on(metric),
-        None => report,
-    };
+    let report = query.report(&service, job_id).await?;
     let text = bench::csv(&report.points.iter().collect::<Vec<_>>());
     Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], text))
 }

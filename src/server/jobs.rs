@@ -206,6 +206,16 @@ pub async fn post(
     Ok((status, location, Json(job)))
 }
 
+/// Queues a job that is no run: 202, where to watch it, and the job.
+pub async fn accept(service: &Service, job: &NewJob) -> Result<impl IntoResponse + use<>, ApiError> {
+    let id = service.store.enqueue(job, Timestamp::now()).await?;
+    service.wake.notify_one();
+    let location = [(header::LOCATION, format!("/api/v1/jobs/{id}"))];
+    let job = service.store.job(id).await?;
+    let job = job.ok_or_else(|| ApiError::not_found(format!("there is no job {id}")))?;
+    Ok((StatusCode::ACCEPTED, location, Json(job)))
+}
+
 /// All that the job's reports follow from, as one hash; none where there is no adapter to run it. Provenance is part of it,
 /// because trends have a point for each commit.
 fn result_key(service: &Service, job: &NewJob, sequence_hash: &str) -> Option<String> {

@@ -7,15 +7,10 @@ use super::{
     page::{self, Cursor},
 };
 use crate::{
-    store::{JobSpec, NewJob, StressRun, Timestamp},
+    store::{JobSpec, NewJob, StressRun},
     stress::{self, StressSpec, report::Cell},
 };
-use axum::{
-    Json,
-    extract::State,
-    http::{StatusCode, header},
-    response::IntoResponse,
-};
+use axum::{Json, extract::State, http::header, response::IntoResponse};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -43,12 +38,7 @@ pub async fn post(
         provenance,
         result_key: None,
     };
-    let id = service.store.enqueue(&job, Timestamp::now()).await?;
-    service.wake.notify_one();
-    let location = [(header::LOCATION, format!("/api/v1/jobs/{id}"))];
-    let job = service.store.job(id).await?;
-    let job = job.ok_or_else(|| ApiError::not_found(format!("there is no job {id}")))?;
-    Ok((StatusCode::ACCEPTED, location, Json(job)))
+    super::jobs::accept(&service, &job).await
 }
 
 /// Query of `GET /stress`.

@@ -6,32 +6,14 @@ use crate::support::{
 };
 use afterimage::{
     bench::{self, BenchSpec},
-    image::{
-        Image,
-        files::{Backend, FileReader, Limits},
-    },
+    image::files::{Backend, FileReader, Limits},
     metrics::Metric,
-    run::{Observer, PresetSpec},
-    sequence::{Sequence, frame::Rgb},
+    run::PresetSpec,
+    sequence::Sequence,
     taa::Precision,
 };
 use serde_json::{Value, json};
 use std::path::Path;
-
-pub struct Silent;
-
-impl Observer for Silent {
-    fn progress(&self, _: usize, _: usize) {}
-    fn wants_output(&self) -> bool {
-        false
-    }
-    fn output(&self, _: usize, _: usize, _: &Image<Rgb>) -> std::io::Result<()> {
-        Ok(())
-    }
-    fn cancelled(&self) -> bool {
-        false
-    }
-}
 
 fn sequence(name: &str) -> Sequence {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name);
@@ -57,7 +39,7 @@ fn spec(presets: &[&str], knobs: Value) -> BenchSpec {
 #[test]
 fn every_point_has_what_was_promised() {
     let knobs = json!({"history": ["f16", "f32"], "rectify": ["none", "clamp"]});
-    let report = bench::execute(&spec(&["ema", "smaa1tx"], knobs), &sequence("pan"), gpu(), &Silent).unwrap();
+    let report = bench::execute(&spec(&["ema", "smaa1tx"], knobs), &sequence("pan"), gpu(), &()).unwrap();
     // `ema` has no box to clamp to.
     assert_eq!(report.points.len(), 6);
     assert_eq!(report.left_out.len(), 2, "{:?}", report.left_out);
@@ -96,7 +78,7 @@ fn bytes_follow_from_what_is_bound() {
         &spec(&["none", "ema", "karis2014"], knobs),
         &sequence("pan"),
         gpu(),
-        &Silent,
+        &(),
     )
     .unwrap();
     let expected = [64.0, 64.0, 88.0, 104.0, 92.0, 108.0];

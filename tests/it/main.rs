@@ -17,6 +17,7 @@ mod golden;
 mod gpu_sequences;
 mod gpu_vs_reference;
 mod images;
+mod jobs;
 mod masks;
 mod negative_controls;
 mod openapi;

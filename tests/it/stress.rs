@@ -214,6 +214,13 @@ fn planted_faults_turn_cells_red() {
             "",
             spec("order.skip", "ema", Precision::F32),
         ),
+        (
+            "tiles of a moving surface are kept before it has settled",
+            "classify",
+            "const UNSETTLED: u32 = 2u;",
+            "const UNSETTLED: u32 = 0u;",
+            spec("order.skip", "ema", Precision::F32),
+        ),
     ];
     let mut missed = Vec::new();
     for (fault, pass, text, instead, spec) in faults {

@@ -289,15 +289,15 @@ fn largest_difference(page: &mut Page, png: &str) -> f64 {
     ))
 }
 
+fn report_ids(job: &Value) -> Vec<String> {
+    let reports = job["reports"].as_array().unwrap().iter();
+    reports.map(|report| report["id"].to_string()).collect()
+}
+
 #[test]
 fn the_viewer_shows_what_the_service_pictures() {
     let (service, job) = measured();
-    let ids: Vec<String> = job["reports"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|report| report["id"].to_string())
-        .collect();
+    let ids = report_ids(&job);
     let base = format!("/api/v1/reports/{}/frames/7", ids[0]);
     let mut page = Page::open();
     page.resize(800, 900, false);
@@ -331,12 +331,7 @@ fn the_viewer_shows_what_the_service_pictures() {
 #[test]
 fn the_viewer_steps_compares_and_keeps_its_address() {
     let (service, job) = measured();
-    let ids: Vec<String> = job["reports"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|report| report["id"].to_string())
-        .collect();
+    let ids = report_ids(&job);
     let mut page = Page::open();
     page.go(&service.url(&format!("/reports/{}/frames/3?with={}", ids[0], ids[1])));
     page.until("document.getElementById('stage').dataset.frame == 3");

@@ -1,40 +1,18 @@
 //! `ci run` without a service: runs here, judged by limits and by the results of an earlier run.
 
 use super::{Measured, Results, RunArguments, file_reader};
-use crate::cli::progress_bar;
+use crate::cli::{Bar, progress_bar};
 use afterimage::{
     gpu::Gpu,
-    image::{Image, files::Backend},
+    image::files::Backend,
     metrics::Value,
-    run::{self, Observer, report::PresetReport, report::Report},
-    sequence::{Sequence, frame::Rgb},
+    run::{self, report::PresetReport, report::Report},
+    sequence::Sequence,
     statistics::median,
     verdict::{Approved, Line, Outcome, Rules, better, overall, worst_frames},
 };
 use anyhow::Context;
-use std::{collections::BTreeMap, fs, io};
-
-/// Shows progress, keeps no images.
-struct Screen(indicatif::ProgressBar);
-
-impl Observer for Screen {
-    fn progress(&self, n_done: usize, n_total: usize) {
-        self.0.set_length(n_total as u64);
-        self.0.set_position(n_done as u64);
-    }
-
-    fn wants_output(&self) -> bool {
-        false
-    }
-
-    fn output(&self, _: usize, _: usize, _: &Image<Rgb>) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn cancelled(&self) -> bool {
-        false
-    }
-}
+use std::{collections::BTreeMap, fs};
 
 pub fn run(arguments: &RunArguments, rules: &Rules) -> anyhow::Result<Results> {
     let baseline: Vec<Measured> = match &arguments.baseline {
@@ -51,7 +29,7 @@ pub fn run(arguments: &RunArguments, rules: &Rules) -> anyhow::Result<Results> {
     for manifest in &arguments.manifests {
         let sequence = Sequence::open(manifest, &file_reader(Backend::Auto))?;
         let spec = arguments.what.spec(&sequence)?;
-        let screen = Screen(progress_bar(sequence.name(), 0));
+        let screen = Bar(progress_bar(sequence.name(), 0));
         let runs: Vec<Report> = (0..arguments.runs)
             .map(|_| run::execute(&spec, &sequence, &gpu, &screen))
             .collect::<Result<_, _>>()?;

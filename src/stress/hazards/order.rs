@@ -35,7 +35,7 @@ pub const HAZARDS: &[Hazard] = &[
 /// A flat sky above a scene. All rests for eight frames; the sky then has another colour and the camera moves and jitters for
 /// four; and all rests again.
 fn settling(setup: &Setup<'_>) -> Built {
-    let sizes = setup.sizes(Extent::new(70, 53))?;
+    let sizes = setup.sizes(Extent::new(70, 77))?;
     let seed = setup.seed;
     Ok(
         setup.scenario(sizes, setup.frames(20, 13), Asks::Order(Order::Skip), move |index| {
