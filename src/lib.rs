@@ -6,6 +6,7 @@
 //! [`server`] and [`web`] show them, [`worker`] feeds queued jobs to [`run`].
 #![forbid(unsafe_code)]
 
+mod axis;
 pub mod bench;
 pub mod checker;
 pub mod compare;

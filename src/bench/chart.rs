@@ -2,7 +2,7 @@
 //! dominated ones as open circles, with what dominates them in the tooltip.
 
 use super::{BenchReport, Point};
-use crate::metrics::Metric;
+use crate::{axis::Axis, metrics::Metric};
 use maud::{Markup, html};
 
 const WIDTH: f64 = 760.0;
@@ -97,11 +97,11 @@ fn chart(metric: Metric, now: &[Placed<'_>], before: &[Vec<Placed<'_>>]) -> Mark
         unit => format!("{metric}, {unit}"),
     };
     html! {
-        @for &tick in &xs.ticks {
+        @for &tick in xs.ticks() {
             path d={ "M" (x(tick)) " " (TOP) "V" (bottom) } stroke="#8886" fill="none" {}
             text x=(x(tick)) y=(bottom + 14.0) text-anchor="middle" { (tick) }
         }
-        @for &tick in &ys.ticks {
+        @for &tick in ys.ticks() {
             path d={ "M" (LEFT) " " (y(tick)) "H" (right) } stroke="#8886" fill="none" {}
             text x=(LEFT - 6.0) y=(y(tick) + 4.0) text-anchor="end" { (tick) }
         }
@@ -141,92 +141,4 @@ fn point(at: &Placed<'_>, x: f64, y: f64, [low, high]: [f64; 2]) -> Markup {
 /// Of coordinates: tenths are enough.
 fn round(pixels: f64) -> f64 {
     (10.0 * pixels).round() / 10.0
-}
-
-/// From values to 0..1.
-struct Axis {
-    from: f64,
-    to: f64,
-    is_log: bool,
-    ticks: Vec<f64>,
-}
-
-impl Axis {
-    /// 1, 2 and 5 times the powers of ten.
-    fn powers(values: impl Iterator<Item = f64> + Clone) -> Self {
-        let (least, most) = range(values);
-        let (least, most) = (least.max(1e-6) / 1.2, most.max(1e-6) * 1.2);
-        let first = libm::floor(libm::log10(least)) as i32;
-        let ticks = (first..first + 8)
-            .flat_map(|power| [1.0, 2.0, 5.0].map(|digit| rounded(digit * libm::pow(10.0, f64::from(power)))))
-            .filter(|tick| (least..=most).contains(tick))
-            .collect();
-        Self {
-            from: libm::log10(least),
-            to: libm::log10(most),
-            is_log: true,
-            ticks,
-        }
-    }
-
-    fn linear(values: impl Iterator<Item = f64> + Clone) -> Self {
-        let (least, most) = range(values);
-        let margin = (0.08 * (most - least)).max(1e-6 * most.abs()).max(1e-9);
-        let (from, to) = (least - margin, most + margin);
-        let step = [1.0, 2.0, 5.0, 10.0]
-            .map(|digit| digit * libm::pow(10.0, libm::floor(libm::log10((to - from) / 5.0))))
-            .into_iter()
-            .find(|step| (to - from) / step <= 6.0)
-            .expect("ten of a power of ten are enough");
-        let first = libm::ceil(from / step) as i64;
-        let ticks = (first..)
-            .map(|i| rounded(i as f64 * step))
-            .take_while(|tick| *tick <= to)
-            .collect();
-        Self {
-            from,
-            to,
-            is_log: false,
-            ticks,
-        }
-    }
-
-    fn place(&self, value: f64) -> f64 {
-        let value = if self.is_log {
-            libm::log10(value.max(1e-6))
-        } else {
-            value
-        };
-        (value - self.from) / (self.to - self.from)
-    }
-}
-
-/// Without the digits that a product of powers of ten leaves behind.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.9e}").parse().expect("a printed number")
-}
-
-fn range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let least = values.clone().fold(f64::INFINITY, f64::min);
-    (least, values.fold(f64::NEG_INFINITY, f64::max))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn axes_have_round_ticks_and_hold_their_values() {
-        let axis = Axis::powers([0.9, 30.0].into_iter());
-        assert_eq!(axis.ticks, [1.0, 2.0, 5.0, 10.0, 20.0]);
-        assert!(axis.place(0.9) > 0.0 && axis.place(30.0) < 1.0);
-        let axis = Axis::linear([28.1, 33.2].into_iter());
-        assert_eq!(axis.ticks, [28.0, 29.0, 30.0, 31.0, 32.0, 33.0]);
-        let flat = Axis::linear([5.0, 5.0].into_iter());
-        assert!(
-            (flat.place(5.0) - 0.5).abs() < 1e-6 && flat.ticks.len() < 8,
-            "{:?}",
-            flat.ticks
-        );
-    }
 }

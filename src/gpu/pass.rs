@@ -47,6 +47,16 @@ pub enum Bound<'a> {
     Buffer(&'a wgpu::Buffer),
 }
 
+impl Bound<'_> {
+    /// Size in memory, without the driver's padding.
+    pub fn n_bytes(self) -> u64 {
+        match self {
+            Self::Texture(texture) => texture.n_bytes(),
+            Self::Buffer(buffer) => buffer.size(),
+        }
+    }
+}
+
 impl<'a> From<&'a Texture> for Bound<'a> {
     fn from(texture: &'a Texture) -> Self {
         Self::Texture(texture)
@@ -310,13 +320,9 @@ impl<'a> Dispatch<'a> {
 
     /// What the pass must move at the least: every image and buffer bound once, twice what it reads and writes. Bytes.
     pub fn n_bytes(&self) -> u64 {
-        let moved = self.bound().map(|(_, bound, access)| {
-            let n_bytes = match bound {
-                Bound::Texture(texture) => texture.n_bytes(),
-                Bound::Buffer(buffer) => buffer.size(),
-            };
-            n_bytes * (u64::from(access.reads) + u64::from(access.writes))
-        });
+        let moved = self
+            .bound()
+            .map(|(_, bound, access)| bound.n_bytes() * (u64::from(access.reads) + u64::from(access.writes)));
         moved.sum()
     }
 

@@ -1,6 +1,7 @@
 //! Curves as SVG.
 
 use super::finding::Chart;
+use crate::axis::Axis;
 use std::fmt::Write as _;
 
 const WIDTH: f64 = 720.0;
@@ -24,29 +25,27 @@ pub fn svg(chart: &Chart) -> String {
             .flat_map(|(_, points)| points)
             .filter(|p| is_finite(p))
     };
-    let [x_axis, y_axis] = [0, 1].map(|axis| Axis::new(points().map(|point| point[axis])));
+    let [x_axis, y_axis] = [0, 1].map(|axis| Axis::linear(points().map(|point| point[axis])));
     let to_x = |x: f64| LEFT + x_axis.place(x) * (WIDTH - LEFT - RIGHT);
     let to_y = |y: f64| HEIGHT - BOTTOM - y_axis.place(y) * (HEIGHT - TOP - BOTTOM);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" \
          font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n"
     );
-    for tick in y_axis.ticks() {
+    for &tick in y_axis.ticks() {
         let y = to_y(tick);
         let end = WIDTH - RIGHT;
-        let label = y_axis.label(tick);
         let _ = writeln!(
             svg,
-            "<path d=\"M{LEFT} {y:.1}H{end}\" stroke=\"#ddd\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
+            "<path d=\"M{LEFT} {y:.1}H{end}\" stroke=\"#ddd\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{tick}</text>",
             LEFT - 6.0,
             y + 4.0
         );
     }
-    for tick in x_axis.ticks() {
-        let label = x_axis.label(tick);
+    for &tick in x_axis.ticks() {
         let _ = writeln!(
             svg,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>",
             to_x(tick),
             HEIGHT - BOTTOM + 16.0
         );
@@ -91,53 +90,6 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
-/// A linear axis that ends at round numbers.
-struct Axis {
-    low: f64,
-    high: f64,
-    step: f64,
-}
-
-impl Axis {
-    fn new(values: impl Iterator<Item = f64>) -> Self {
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
-        let (low, high) = match low < high {
-            true => (low, high),
-            false if low.is_finite() => (low - 0.5, low + 0.5),
-            false => (0.0, 1.0),
-        };
-        let rough = (high - low) / 5.0;
-        let power = libm::pow(10.0, libm::log10(rough).floor());
-        let step = [1.0, 2.0, 5.0, 10.0]
-            .into_iter()
-            .map(|factor| factor * power)
-            .find(|step| *step >= rough)
-            .unwrap_or(rough);
-        Self {
-            low: (low / step).floor() * step,
-            high: (high / step).ceil() * step,
-            step,
-        }
-    }
-
-    /// From 0 at the low end to 1 at the high end.
-    fn place(&self, value: f64) -> f64 {
-        (value - self.low) / (self.high - self.low)
-    }
-
-    fn ticks(&self) -> impl Iterator<Item = f64> {
-        let n = ((self.high - self.low) / self.step).round() as usize;
-        (0..=n).map(|index| self.low + index as f64 * self.step)
-    }
-
-    fn label(&self, tick: f64) -> String {
-        let n_decimals = (-libm::log10(self.step).floor()).clamp(0.0, 9.0) as usize;
-        format!("{tick:.n_decimals$}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,15 +102,6 @@ mod tests {
             y: "PSNR, dB".to_owned(),
             curves: vec![("a < b".to_owned(), points.to_vec())],
         }
-    }
-
-    #[test]
-    fn axes_end_at_round_numbers() {
-        let axis = Axis::new([21.3, 28.9].into_iter());
-        assert_eq!(axis.ticks().collect::<Vec<_>>(), [20.0, 22.0, 24.0, 26.0, 28.0, 30.0]);
-        assert_eq!((axis.label(22.0), axis.place(25.0)), ("22".to_owned(), 0.5));
-        let axis = Axis::new([0.0, 0.7].into_iter());
-        assert_eq!(axis.ticks().map(|tick| axis.label(tick)).last().unwrap(), "0.8");
     }
 
     #[test]

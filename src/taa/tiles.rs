@@ -21,7 +21,7 @@ use super::{
     changes::{TILE, flag, n_tiles},
     fault::planted,
     inputs::View,
-    recipe::{Algorithm, HistoryFilter, InputFilter, Neighbourhood, Spatial, Weight},
+    recipe::{Algorithm, HistoryFilter, InputFilter, Neighbourhood, Sharpen, Spatial, Weight},
     recorder::Recorder,
     skip::Skip,
     temporal::{Builder, Prefilter},
@@ -140,7 +140,8 @@ impl Tiles {
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
         let Builder { gpu, recipe, .. } = builder;
         let sources = planted(builder.fault, Self::PASS, &[CLASSIFY])?;
-        let classify = Pass::new(gpu, Self::PASS, &[&*sources[0]], &[])?;
+        let lists_beside = f64::from(u8::from(recipe.sharpen != Sharpen::None));
+        let classify = Pass::new(gpu, Self::PASS, &[&*sources[0]], &[("lists_beside", lists_beside)])?;
         let n_tiles = n_tiles(builder.sizes.output);
         let n_groups = (TILE * TILE).div_ceil(gpu.workgroup().n_invocations());
         gpu.scope("making room for tiles", || Self {

@@ -3,7 +3,7 @@
 
 use crate::support::{frame, gpu};
 use afterimage::{
-    gpu::{Access, Bound, Dispatch, Gpu, GpuError, Timer},
+    gpu::{Access, Dispatch, Gpu, GpuError, Timer},
     image::Extent,
     sequence::Channels,
     taa::{
@@ -37,15 +37,11 @@ impl Watch for Count {
         dispatch: &Dispatch<'_>,
         _: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
-        let size = |bound: Bound<'_>| match bound {
-            Bound::Texture(texture) => f64::from(texture.texel_bytes()) * texture.extent().n_pixels() as f64,
-            Bound::Buffer(buffer) => buffer.size() as f64,
-        };
         let sum = |wanted: fn(Access) -> bool| {
             let bound = dispatch.bound().filter(|&(.., access)| wanted(access));
             // What is one texel, or one number, is not moved for each pixel.
             bound
-                .map(|(_, bound, _)| (size(bound) / EXTENT.n_pixels() as f64).floor())
+                .map(|(_, bound, _)| (bound.n_bytes() as f64 / EXTENT.n_pixels() as f64).floor())
                 .sum()
         };
         self.0.push(Traffic {

@@ -483,6 +483,7 @@ fn pages_fit_narrow_screens_and_both_schemes() {
     page.click("#views summary");
     page.value("document.querySelector('#views input').value = 'my view'");
     page.click("#views form button");
+    page.until("document.querySelector('#views li a')");
     page.go(&service.url("/jobs"));
     assert_eq!(
         page.text("getComputedStyle(document.body).backgroundColor"),

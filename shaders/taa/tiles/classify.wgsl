@@ -4,6 +4,8 @@
 
 override WORKGROUP_X: u32 = 64u;
 override WORKGROUP_Y: u32 = 1u;
+// Whether a pass looks at its neighbours' results.
+override lists_beside: bool;
 
 struct Wanted {
     // Of the flags in src/taa/changes.rs, those that a tile must have to be kept where it is.
@@ -28,7 +30,7 @@ const READ_SETTLED: u32 = 4u;
 // The first three of a list's words are its dispatch: number of tiles, workgroups a tile, 1.
 @group(0) @binding(4) var<storage, read_write> dispatch: array<atomic<u32>>;
 @group(0) @binding(5) var<storage, read_write> listed_tiles: array<u32>;
-// For a pass that looks at its neighbours' results: the tiles beside them, too.
+// The tiles beside them, too, where `lists_beside`.
 @group(0) @binding(6) var<storage, read_write> dispatch_beside: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read_write> listed_beside: array<u32>;
 @group(0) @binding(8) var<uniform> wanted: Wanted;
@@ -52,20 +54,19 @@ fn reads_settled(tile: vec2u) -> bool {
     return (noted & UNSETTLED) == 0u;
 }
 
-fn is_kept(tile: vec2u) -> bool {
+fn is_kept(tile: vec2u, reads_settled: bool) -> bool {
     let index = index_of(tile);
     let before = notes_before[index];
-    if ((frame_flags[index] & wanted.flags) == wanted.flags && (before & CHANGED) == 0u) {
-        return true;
-    }
-    return (before & (READ_SETTLED | UNSETTLED)) == READ_SETTLED && reads_settled(tile);
+    let rests = (frame_flags[index] & wanted.flags) == wanted.flags && (before & CHANGED) == 0u;
+    return rests || ((before & (READ_SETTLED | UNSETTLED)) == READ_SETTLED && reads_settled);
 }
 
 fn all_kept_beside(tile: vec2u) -> bool {
     var kept = true;
     for (var y = max(tile.y, 1u) - 1u; y <= min(tile.y + 1u, wanted.size.y - 1u); y++) {
         for (var x = max(tile.x, 1u) - 1u; x <= min(tile.x + 1u, wanted.size.x - 1u); x++) {
-            kept = kept && is_kept(vec2u(x, y));
+            let neighbour = vec2u(x, y);
+            kept = kept && is_kept(neighbour, reads_settled(neighbour));
         }
     }
     return kept;
@@ -78,13 +79,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let tile = id.x | (id.y << 16u);
     let index = index_of(id.xy);
-    let kept = is_kept(id.xy);
+    let settled = reads_settled(id.xy);
+    let kept = is_kept(id.xy, settled);
     // Whoever is kept stores nothing that could be noted.
-    notes[index] = select(0u, READ_SETTLED, reads_settled(id.xy)) | select(0u, notes_before[index] & UNSETTLED, kept);
+    notes[index] = select(0u, READ_SETTLED, settled) | select(0u, notes_before[index] & UNSETTLED, kept);
     if (!kept) {
         listed_tiles[atomicAdd(&dispatch[0], 1u)] = tile;
     }
-    if (!all_kept_beside(id.xy)) {
+    if (lists_beside && !all_kept_beside(id.xy)) {
         listed_beside[atomicAdd(&dispatch_beside[0], 1u)] = tile;
     }
 }

@@ -203,8 +203,14 @@ impl Page {
         self.send("Input.dispatchMouseEvent", &event);
     }
 
+    /// Clicks an element as soon as it is there and nothing lies over it.
     #[track_caller]
     pub fn click(&mut self, selector: &str) {
+        self.until(&format!(
+            "(() => {{ const e = document.querySelector({selector:?}); e.scrollIntoView({{block: 'center'}});
+               const r = e.getBoundingClientRect();
+               return e.contains(document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2)); }})()"
+        ));
         let place = self.middle(selector);
         self.click_at(place);
     }
