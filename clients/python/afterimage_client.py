@@ -147,6 +147,8 @@ class BenchPoint(TypedDict):
     dominated_by: Union[str, None]
     #: Mean over frames after warm-up, by metric id.
     metrics: Dict[str, "Value"]
+    #: How many times as long the frame takes as moving those bytes once would at the speed of a copy. None where that was not measured.
+    over_copy: Union[float, None]
     #: What differs from the preset: parameters and knobs.
     parameters: Dict[str, Any]
     #: Median of each pass by timestamps (on a CPU adapter wall time); none where there are none.
@@ -174,6 +176,8 @@ class BenchRun(TypedDict):
     adapter: "AdapterInfo"
     #: What a time is.
     clock: "Clock"
+    #: Bytes read and written a second, 10⁹, by a pass that does nothing but copy a large image, by the same clock. None in reports older than the figure.
+    copy_gb_per_s: Union[float, None]
     #: When it was stored.
     created_at: "Timestamp"
     #: Its job, by which it is asked for.

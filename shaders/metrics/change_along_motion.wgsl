@@ -11,8 +11,8 @@ const N_TERMS: u32 = 3u;
 @group(0) @binding(4) var change: texture_2d<f32>;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    sum_strip(id.xy);
+fn main(strip: Strip) {
+    sum_strip(strip);
 }
 
 fn sample_at(pixel: vec2u) -> Sample {

@@ -18,8 +18,8 @@ struct Moments {
 @group(0) @binding(2) var<storage, read_write> moments: array<Moments>;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    sum_strip(id.xy);
+fn main(strip: Strip) {
+    sum_strip(strip);
 }
 
 fn sample_at(pixel: vec2u) -> Sample {

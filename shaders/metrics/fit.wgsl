@@ -7,8 +7,8 @@ const N_TERMS: u32 = 5u;
 @group(0) @binding(2) var patterns: texture_2d<f32>;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    sum_strip(id.xy);
+fn main(strip: Strip) {
+    sum_strip(strip);
 }
 
 fn sample_at(pixel: vec2u) -> Sample {

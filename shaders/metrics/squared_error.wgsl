@@ -13,8 +13,8 @@ override smape_floor: f32;
 @group(0) @binding(3) var test_shown: texture_2d<f32>;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    sum_strip(id.xy);
+fn main(strip: Strip) {
+    sum_strip(strip);
 }
 
 fn sample_at(pixel: vec2u) -> Sample {

@@ -29,7 +29,7 @@ override c2: f32;
 
 @group(0) @binding(0) var reference_shown: texture_2d<f32>;
 @group(0) @binding(1) var test_shown: texture_2d<f32>;
-// The index times the window's share of a class, and that share: channel after channel of each workgroup.
+// The index times the window's share of a class, and that share, of all channels together: of each workgroup.
 @group(0) @binding(2) var<storage, read_write> partial_sums: array<array<vec2f, N_CLASSES>>;
 
 // S and D less their values at the middle of the tile. Variances do not change by that, and no longer come out as the
@@ -39,6 +39,15 @@ var<workgroup> tile: array<array<vec2f, INPUT>, INPUT>;
 var<workgroup> columns: array<array<vec4f, INPUT>, TILE>;
 var<workgroup> sums: array<vec2f, GROUP>;
 
+// A pixel of both images.
+struct Pair {
+    reference: vec3f,
+    test: vec3f,
+}
+
+// How many of the pixels under its workgroup an invocation reads.
+const N_OWN: u32 = (INPUT * INPUT + GROUP - 1u) / GROUP;
+
 @compute @workgroup_size(TILE, TILE)
 fn main(
     @builtin(local_invocation_id) local: vec3u,
@@ -47,50 +56,63 @@ fn main(
     @builtin(num_workgroups) n_workgroups: vec3u,
 ) {
     let origin = workgroup.xy * TILE;
-    let windows = textureDimensions(test_shown) - vec2u(2u * HALF);
-    let is_window = all(origin + local.xy < windows);
+    let middle_pair = pair_at(origin + INPUT / 2u);
+    var own: array<Pair, N_OWN>;
+    for (var n = 0u; n < N_OWN; n++) {
+        let i = lane + n * GROUP;
+        own[n] = pair_at(origin + vec2u(i % INPUT, i / INPUT));
+    }
     let n_channels = select(3u, 1u, values == LUMA);
+    var value = 0.0;
     for (var channel = 0u; channel < n_channels; channel++) {
-        let middle = sum_and_difference(origin + vec2u(INPUT / 2u), channel);
-        for (var i = lane; i < INPUT * INPUT; i += GROUP) {
-            let at = vec2u(i % INPUT, i / INPUT);
-            tile[at.y][at.x] = sum_and_difference(origin + at, channel) - middle;
+        let middle = sum_and_difference(middle_pair, channel);
+        for (var n = 0u; n < N_OWN; n++) {
+            let i = lane + n * GROUP;
+            if (i < INPUT * INPUT) {
+                tile[i / INPUT][i % INPUT] = sum_and_difference(own[n], channel) - middle;
+            }
         }
         workgroupBarrier();
         for (var i = lane; i < TILE * INPUT; i += GROUP) {
             columns[i / INPUT][i % INPUT] = filter_column(i % INPUT, i / INPUT);
         }
         workgroupBarrier();
-        let value = index(filter_row(local.x, local.y), middle);
-        let group = workgroup.y * n_workgroups.x + workgroup.x;
-        for (var kind = 0u; kind < N_CLASSES; kind++) {
-            sums[lane] = vec2f(0.0);
-            if (is_window) {
-                sums[lane] = share_of(origin + local.xy + HALF, kind) * vec2f(value, 1.0);
-            }
-            for (var half = GROUP / 2u; half > 0u; half /= 2u) {
-                workgroupBarrier();
-                if (lane < half) {
-                    sums[lane] += sums[lane + half];
-                }
-            }
-            if (lane == 0u) {
-                partial_sums[group * n_channels + channel][kind] = sums[0];
-            }
-            workgroupBarrier();
+        value += index(filter_row(local.x, local.y), middle);
+    }
+    let windows = textureDimensions(test_shown) - vec2u(2u * HALF);
+    let is_window = all(origin + local.xy < windows);
+    let group = workgroup.y * n_workgroups.x + workgroup.x;
+    for (var kind = 0u; kind < N_CLASSES; kind++) {
+        sums[lane] = vec2f(0.0);
+        if (is_window) {
+            sums[lane] = share_of(origin + local.xy + HALF, kind) * vec2f(value, f32(n_channels));
         }
+        for (var half = GROUP / 2u; half > 0u; half /= 2u) {
+            workgroupBarrier();
+            if (lane < half) {
+                sums[lane] += sums[lane + half];
+            }
+        }
+        if (lane == 0u) {
+            partial_sums[group][kind] = sums[0];
+        }
+        workgroupBarrier();
     }
 }
 
 // Pixels beyond the image are read from its edge, and only by windows that are not counted.
-fn sum_and_difference(pixel: vec2u, channel: u32) -> vec2f {
+fn pair_at(pixel: vec2u) -> Pair {
     let inside = min(pixel, textureDimensions(test_shown) - vec2u(1u));
-    let r = value(textureLoad(reference_shown, inside, 0).rgb, channel);
-    let t = value(textureLoad(test_shown, inside, 0).rgb, channel);
+    return Pair(textureLoad(reference_shown, inside, 0).rgb, textureLoad(test_shown, inside, 0).rgb);
+}
+
+fn sum_and_difference(pair: Pair, channel: u32) -> vec2f {
+    let r = value_of(pair.reference, channel);
+    let t = value_of(pair.test, channel);
     return vec2f(t + r, t - r);
 }
 
-fn value(color: vec3f, channel: u32) -> f32 {
+fn value_of(color: vec3f, channel: u32) -> f32 {
     if (values == LUMA) {
         return luma(color);
     }
@@ -124,11 +146,12 @@ fn filter_row(x: u32, y: u32) -> vec4f {
 
 fn index(filtered: vec4f, middle: vec2f) -> f32 {
     let variance = filtered.zw - filtered.xy * filtered.xy;
-    let contrast = (variance.x - variance.y + 2.0 * c2) / (variance.x + variance.y + 2.0 * c2);
+    // Exactly 1 where nothing differs, however an adapter divides.
+    let contrast = 1.0 - 2.0 * variance.y / (variance.x + variance.y + 2.0 * c2);
     if (part != WHOLE) {
         return contrast;
     }
     let mean = filtered.xy + middle;
     let luminance = mean * mean;
-    return (luminance.x - luminance.y + 2.0 * c1) / (luminance.x + luminance.y + 2.0 * c1) * contrast;
+    return (1.0 - 2.0 * luminance.y / (luminance.x + luminance.y + 2.0 * c1)) * contrast;
 }

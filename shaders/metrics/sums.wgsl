@@ -1,11 +1,11 @@
-// Adds up samples of pixels by class. An invocation takes a strip of 64 rows of one column, so at most 192 terms, in f32;
-// the host adds the strips in f64. Neighbours in x read neighbouring texels, and nothing waits at a barrier. A pass gives
-// `N_TERMS` and `sample_at`.
-
-const STRIP: u32 = 64u;
+// Adds up samples of pixels by class. An invocation takes a strip of a column, so at most 192 terms, in f32; neighbours in x
+// read neighbouring texels. What becomes of its sums, strips_apart.wgsl or strips_together.wgsl say; the host adds those in f64.
+// A pass gives `N_TERMS` and `sample_at`.
 
 override WORKGROUP_X: u32 = 8u;
 override WORKGROUP_Y: u32 = 8u;
+// Rows of a strip, at most 64.
+override n_rows: u32;
 // Of the frame.
 override width: u32;
 override height: u32;
@@ -14,14 +14,19 @@ alias Sample = array<f32, N_TERMS>;
 
 @group(0) @binding(8) var<storage, read_write> partial_sums: array<array<Sample, N_CLASSES>>;
 
-fn sum_strip(strip: vec2u) {
-    let first = strip.y * STRIP;
-    if (strip.x >= width || first >= height) {
-        return;
-    }
+struct Strip {
+    @builtin(global_invocation_id) at: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(num_workgroups) n_workgroups: vec3u,
+}
+
+fn sum_strip(strip: Strip) {
+    let first = strip.at.y * n_rows;
+    let end = select(0u, min(first + n_rows, height), strip.at.x < width);
     var sums: array<Sample, N_CLASSES>;
-    for (var y = first; y < min(first + STRIP, height); y++) {
-        let pixel = vec2u(strip.x, y);
+    for (var y = first; y < end; y++) {
+        let pixel = vec2u(strip.at.x, y);
         let class_of_pixel = class_of(pixel);
         let sample = sample_at(pixel);
         // Every index is a constant once the loops are unrolled, which keeps the sums in registers.
@@ -31,5 +36,5 @@ fn sum_strip(strip: vec2u) {
             }
         }
     }
-    partial_sums[strip.y * width + strip.x] = sums;
+    hand_in(strip, sums);
 }

@@ -19,7 +19,7 @@ pub fn csv(points: &[&Point]) -> String {
     for pass in &passes {
         let _ = write!(text, ",{pass}_ms");
     }
-    text += ",bytes_per_pixel,skipped,peak_gpu_bytes,dominated_by\n";
+    text += ",bytes_per_pixel,over_copy,skipped,peak_gpu_bytes,dominated_by\n";
     for point in points {
         let parameters = serde_json::Value::Object(point.parameters.clone()).to_string();
         let time = &point.time_ms;
@@ -44,7 +44,9 @@ pub fn csv(points: &[&Point]) -> String {
         }
         let peak = point.peak_gpu_bytes.map(|bytes| bytes.to_string()).unwrap_or_default();
         let by = point.dominated_by.as_deref().map(quoted).unwrap_or_default();
-        let _ = writeln!(text, ",{},{},{peak},{by}", point.bytes_per_pixel, point.skipped);
+        let over_copy = point.over_copy.map(|ratio| ratio.to_string()).unwrap_or_default();
+        let (n_bytes, skipped) = (point.bytes_per_pixel, point.skipped);
+        let _ = writeln!(text, ",{n_bytes},{over_copy},{skipped},{peak},{by}");
     }
     text
 }

@@ -62,6 +62,7 @@ mod tests {
             metrics: [("psnr".to_owned(), Value(psnr))].into(),
             bytes_per_pixel: 0.0,
             skipped: 0.0,
+            over_copy: None,
             peak_gpu_bytes: None,
             dominated_by: None,
         }

@@ -2,9 +2,14 @@
 //! settings take turns in a new random order, one submission each, so that whatever drifts (clocks, caches, the machine's
 //! other work) falls on all alike. First one setting runs beside itself: what that differs by is noise.
 
-use super::{BenchError, BenchSpec, Clock, sweep::Setting};
+use super::{
+    BenchError, BenchSpec,
+    clock::{Cost, cost},
+    copy::Copy,
+    sweep::Setting,
+};
 use crate::{
-    gpu::{Dispatch, Gpu, GpuError, Readback, ReadbackPool, Timer, Variant},
+    gpu::{Dispatch, Gpu, GpuError, Timer, Variant},
     random::Random,
     run::{Observer, RunError, process_cpu_ms},
     sequence::{Channels, Frame, Sequence},
@@ -47,7 +52,7 @@ pub fn measure(
     spec: &BenchSpec,
     settings: &[Setting],
     sequence: &Sequence,
-    gpu: &Gpu,
+    copy: &mut Copy<'_>,
     observer: &dyn Observer,
 ) -> Result<(Noise, Vec<Measured>), BenchError> {
     let mut random = Random::new(SEED);
@@ -56,7 +61,8 @@ pub fn measure(
     let mut bench = Bench {
         spec,
         sequence,
-        gpu,
+        gpu: copy.gpu,
+        copy,
         observer,
         random: &mut random,
     };
@@ -89,10 +95,11 @@ impl Noise {
     }
 }
 
-struct Bench<'a> {
+struct Bench<'a, 'b> {
     spec: &'a BenchSpec,
     sequence: &'a Sequence,
     gpu: &'a Gpu,
+    copy: &'a mut Copy<'b>,
     observer: &'a dyn Observer,
     random: &'a mut Random,
 }
@@ -169,13 +176,6 @@ impl Watch for Traffic {
     }
 }
 
-/// What one submission cost.
-struct Cost {
-    ms: f64,
-    passes_ms: Vec<f64>,
-    readback: Readback,
-}
-
 /// A frame of one setting.
 struct Resolved {
     cost: Cost,
@@ -189,7 +189,7 @@ struct Share {
     passes_ms: Vec<(&'static str, f64)>,
 }
 
-impl Bench<'_> {
+impl Bench<'_, '_> {
     /// Plays the sequence until every setting has its timed frames.
     fn play(&mut self, settings: &[&Setting]) -> Result<Vec<Measured>, BenchError> {
         let mut sides = self.sides(settings)?;
@@ -216,6 +216,7 @@ impl Bench<'_> {
             let frame = self.frame(index, settings)?;
             age = if index == 0 || frame.reset { 0 } else { age + 1 };
             n_timed += usize::from(age >= warmup);
+            self.copy.wake()?;
             let prepared = sides
                 .iter_mut()
                 .map(|side| side.prepare(self.gpu, &frame))
@@ -348,10 +349,11 @@ impl Side {
 }
 
 impl<'a> Lane<'a> {
-    fn new(bench: &Bench<'_>, setting: &'a Setting) -> Result<Self, GpuError> {
+    fn new(bench: &Bench<'_, '_>, setting: &'a Setting) -> Result<Self, GpuError> {
         let sizes = bench.sequence.sizes();
         let gpu = bench.gpu.with(Variant {
             workgroup: setting.workgroup,
+            workgroup_memory: setting.workgroup_memory,
             cache: None,
         });
         let passes = setting.recipe.passes_skipping(setting.options.skip, sizes);
@@ -411,32 +413,4 @@ impl<'a> Lane<'a> {
             frames_ms: self.frames_ms,
         }
     }
-}
-
-/// Records, submits and waits. Recording is not part of the cost: it is the same whatever the shaders do.
-fn cost<T>(
-    gpu: &Gpu,
-    timer: &mut Timer,
-    record: impl FnOnce(&mut wgpu::CommandEncoder, &mut Timer, &mut Readback) -> Result<T, GpuError>,
-) -> Result<(Cost, T), GpuError> {
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    let mut readback = ReadbackPool::default().begin();
-    let recorded = record(&mut encoder, timer, &mut readback)?;
-    let times = timer.finish(gpu, &mut encoder, &mut readback);
-    let commands = encoder.finish();
-    let before = process_cpu_ms();
-    let submission = gpu.scope("submitting a frame", || gpu.queue.submit([commands]))?;
-    readback.map();
-    gpu.wait(submission)?;
-    let cpu_ms = process_cpu_ms() - before;
-    let passes_ms = times.read(&readback)?;
-    let cost = Cost {
-        ms: match Clock::of(gpu) {
-            Clock::ProcessCpu => cpu_ms,
-            Clock::GpuTimestamps => passes_ms.iter().sum(),
-        },
-        passes_ms,
-        readback,
-    };
-    Ok((cost, recorded))
 }

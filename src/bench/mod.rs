@@ -3,6 +3,8 @@
 //! in random order on the same frames while nothing else runs in the process.
 
 mod chart;
+mod clock;
+mod copy;
 mod csv;
 mod front;
 mod measure;
@@ -10,6 +12,7 @@ pub mod statistics;
 mod sweep;
 mod tune;
 
+pub use clock::Clock;
 pub use csv::csv;
 pub use tune::{textured, tune};
 
@@ -23,6 +26,7 @@ use crate::{
     sequence::Sequence,
     taa::Precision,
 };
+use copy::Copy;
 use measure::Measured;
 pub use measure::Noise;
 use schemars::JsonSchema;
@@ -81,19 +85,11 @@ pub struct BenchReport {
     pub revision: String,
     /// What a time is.
     pub clock: Clock,
+    /// Bytes read and written a second, 10⁹, by a pass that does nothing but copy a large image, by the same clock. None in
+    /// reports older than the figure.
+    pub copy_gb_per_s: Option<f64>,
     /// Settings that make no sense or cannot run on this sequence, and why.
     pub left_out: Vec<String>,
-}
-
-/// What a time is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Clock {
-    /// CPU time of the whole process from the submission of a frame's passes to their end: on a CPU adapter wall times move
-    /// with whatever else the machine does.
-    ProcessCpu,
-    /// Timestamps on the device around each pass, summed.
-    GpuTimestamps,
 }
 
 /// One setting: what it costs and what it gives.
@@ -117,6 +113,9 @@ pub struct Point {
     pub metrics: BTreeMap<String, Value>,
     /// What the passes must move at the least: each image they bind once, bytes for a pixel of output.
     pub bytes_per_pixel: f64,
+    /// How many times as long the frame takes as moving those bytes once would at the speed of a copy. None where that was not
+    /// measured.
+    pub over_copy: Option<f64>,
     /// Share of the resolve's tiles that had nothing to do, 0 to 1.
     pub skipped: f64,
     /// The most that was allocated on the device at once while this setting ran alone; none where it is not counted.
@@ -216,13 +215,15 @@ pub fn execute(
     observer: &dyn Observer,
 ) -> Result<BenchReport, BenchError> {
     let (settings, left_out) = checked(spec, sequence)?;
-    let (noise, measured) = measure::measure(spec, &settings, sequence, gpu, observer)?;
+    let mut copy = Copy::new(gpu)?;
+    let (noise, measured) = measure::measure(spec, &settings, sequence, &mut copy, observer)?;
+    let copy_bytes_per_ms = copy.bytes_per_ms()?;
     let (metrics, info) = scores(spec, &settings, sequence, gpu, observer)?;
     let mut points: Vec<_> = settings
         .into_iter()
         .zip(measured)
         .zip(metrics)
-        .map(|((setting, measured), metrics)| point(sequence, setting, measured, metrics))
+        .map(|((setting, measured), metrics)| point(sequence, setting, measured, metrics, copy_bytes_per_ms))
         .collect();
     front::dominate(&mut points, spec.metric, noise.relative);
     Ok(BenchReport {
@@ -233,33 +234,25 @@ pub fn execute(
         adapter: gpu.info(),
         revision: env!("AFTERIMAGE_REVISION").to_owned(),
         clock: Clock::of(gpu),
+        copy_gb_per_s: Some(copy_bytes_per_ms * 1e-6),
         left_out,
     })
 }
 
-impl Clock {
-    fn of(gpu: &Gpu) -> Self {
-        match gpu.is_cpu() {
-            true => Self::ProcessCpu,
-            false => Self::GpuTimestamps,
-        }
-    }
-
-    /// For people.
-    pub fn description(self) -> &'static str {
-        match self {
-            Self::ProcessCpu => "CPU time of the process",
-            Self::GpuTimestamps => "GPU timestamps",
-        }
-    }
-}
-
-fn point(sequence: &Sequence, setting: Setting, measured: Measured, metrics: BTreeMap<String, Value>) -> Point {
+fn point(
+    sequence: &Sequence,
+    setting: Setting,
+    measured: Measured,
+    metrics: BTreeMap<String, Value>,
+    copy_bytes_per_ms: f64,
+) -> Point {
+    let time_ms = Timing::new(&measured.frames_ms);
     Point {
+        over_copy: Some(time_ms.median / (measured.n_bytes / copy_bytes_per_ms)),
+        time_ms,
         sequence: sequence.name().to_owned(),
         preset: setting.preset,
         parameters: setting.parameters,
-        time_ms: Timing::new(&measured.frames_ms),
         upload_ms: measured.upload_ms,
         passes_ms: measured.passes_ms,
         metrics,

@@ -12,6 +12,7 @@ use serde_json::{Map, Value};
 /// What can be turned beside the parameters of a recipe.
 const HISTORY: &str = "history";
 const WORKGROUP: &str = "workgroup";
+const WORKGROUP_MEMORY: &str = "workgroup_memory";
 const SKIP: &str = "skip";
 
 /// The most settings of one benchmark; more would take a day.
@@ -29,6 +30,8 @@ pub struct Setting {
     pub options: Options,
     /// The adapter's own where it is left out.
     pub workgroup: Option<Workgroup>,
+    /// As [`crate::gpu::Variant::workgroup_memory`].
+    pub workgroup_memory: Option<bool>,
 }
 
 impl Setting {
@@ -97,14 +100,15 @@ fn setting(
     let mut of_recipe = parameters.clone();
     let precision = knob::<Precision>(&mut of_recipe, HISTORY)?.unwrap_or(spec.history);
     let workgroup = knob::<Workgroup>(&mut of_recipe, WORKGROUP)?;
+    let workgroup_memory = knob::<bool>(&mut of_recipe, WORKGROUP_MEMORY)?;
     let skip = knob::<Skip>(&mut of_recipe, SKIP)?.unwrap_or_default();
     let base = &Preset::find(preset)
         .map_err(|error| BenchError::input("presets", error.to_string()))?
         .recipe;
     let known = base.to_json();
     if let Some(unknown) = of_recipe.keys().find(|name| known.get(name.as_str()).is_none()) {
-        let others = format!("`{HISTORY}`, `{SKIP}` and `{WORKGROUP}`");
-        let message = format!("`{unknown}` is no knob: there are {others} and the parameters of a recipe");
+        let others = format!("`{HISTORY}`, `{SKIP}`, `{WORKGROUP}`, `{WORKGROUP_MEMORY}`");
+        let message = format!("`{unknown}` is no knob: there are {others}, and the parameters of a recipe");
         return Err(BenchError::input("knobs", message));
     }
     let recipe = match base
@@ -125,6 +129,7 @@ fn setting(
             recipe,
             options: Options { precision, skip },
             workgroup,
+            workgroup_memory,
         })
         .map_err(|reason: Unfit| format!("{preset} {reason}")))
 }

@@ -1,16 +1,15 @@
 //! Which shape of workgroups is fastest on an adapter: measured on one made-up frame, to be kept
 //! ([`Gpu::keep_workgroup`]) for every later run.
 
-use super::BenchError;
+use super::{BenchError, clock::cost, copy::Copy};
 use crate::{
     gpu::{Gpu, Timer, Variant, Workgroup},
     image::{Extent, Image},
     metrics::Display,
     random::lattice,
-    run::process_cpu_ms,
     sequence::{Frame, Sizes},
     statistics::median,
-    taa::{Inputs, Precision, Preset, Repeat, Resolver},
+    taa::{Inputs, Precision, Preset, Repeat, Resolver, Skip},
 };
 use std::collections::BTreeSet;
 
@@ -30,26 +29,25 @@ pub fn tune(gpu: &Gpu) -> Result<Vec<(Workgroup, f64)>, BenchError> {
     for workgroup in Workgroup::CANDIDATES {
         let gpu = gpu.with(Variant {
             workgroup: Some(workgroup),
-            cache: None,
+            ..Variant::default()
         });
         let resolver = Resolver::new(&gpu, recipe.clone(), Precision::F16, sizes)?;
         candidates.push((workgroup, resolver, Vec::new()));
     }
-    let mut untimed = Timer::new(gpu, 0);
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    inputs.prepare(gpu, &mut encoder, &mut Timer::new(gpu, 0), Repeat::Timed(1))?;
+    gpu.wait(gpu.queue.submit([encoder.finish()]))?;
+    let mut copy = Copy::new(gpu)?;
+    let mut timer = Timer::new(gpu, recipe.passes_skipping(Skip::Off, sizes).len() as u32);
     // The first round compiles.
     for round in 0..=N_ROUNDS {
+        copy.wake()?;
         for (_, resolver, times) in &mut candidates {
-            let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            inputs.prepare(gpu, &mut encoder, &mut untimed, Repeat::WarmUp)?;
-            resolver.resolve(gpu, &mut encoder, &inputs, &mut untimed, Repeat::Timed(1))?;
-            let (wall, cpu) = (std::time::Instant::now(), process_cpu_ms());
-            gpu.wait(gpu.queue.submit([encoder.finish()]))?;
-            let ms = match gpu.is_cpu() {
-                true => process_cpu_ms() - cpu,
-                false => wall.elapsed().as_secs_f64() * 1e3,
-            };
+            let (cost, ()) = cost(gpu, &mut timer, |encoder, timer, _| {
+                resolver.resolve(gpu, encoder, &inputs, timer, Repeat::Timed(1))
+            })?;
             if round > 0 {
-                times.push(ms);
+                times.push(cost.ms);
             }
         }
     }

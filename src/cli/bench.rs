@@ -26,7 +26,10 @@ use std::{
 #[derive(clap::Args)]
 #[command(after_help = "Knobs are the parameters of a recipe, and:
   history    f16, f32
+  skip       off, exact
   workgroup  shape of workgroups, such as 8x8 or 64x1
+  workgroup_memory
+             whether a workgroup keeps what its pixels read in common: true, false
 
 Times are CPU time of the process on a CPU adapter and timestamps on a GPU; close other programs. Before anything else
 the first setting is measured beside itself; settings whose times differ by less than that are not told apart.
@@ -98,6 +101,7 @@ struct Output<'a> {
     noise: BTreeMap<&'a str, &'a bench::Noise>,
     metric: Metric,
     clock: Option<bench::Clock>,
+    copy_gb_per_s: Option<f64>,
     adapter: Option<&'a afterimage::run::report::AdapterInfo>,
     left_out: Vec<&'a String>,
 }
@@ -214,6 +218,7 @@ fn output(reports: &[BenchReport], metric: Metric) -> Output<'_> {
             .collect(),
         metric,
         clock: reports.first().map(|report| report.clock),
+        copy_gb_per_s: reports.first().and_then(|report| report.copy_gb_per_s),
         adapter: reports.first().map(|report| &report.adapter),
         left_out: reports.iter().flat_map(|report| &report.left_out).collect(),
     }
@@ -223,7 +228,7 @@ fn show(report: &BenchReport) -> String {
     let mut header = vec!["setting".to_owned(), "dominated by".to_owned()];
     let metrics: Vec<_> = report.points[0].metrics.keys().cloned().collect();
     header.extend(metrics.iter().cloned());
-    header.extend(["ms", "mad", "95 %", "B/px", "skipped", "MiB"].map(str::to_owned));
+    header.extend(["ms", "mad", "95 %", "B/px", "copies", "skipped", "MiB"].map(str::to_owned));
     let mut table = table::new(header, 2);
     for point in &report.points {
         let time = &point.time_ms;
@@ -240,6 +245,9 @@ fn show(report: &BenchReport) -> String {
             format!("{:.3}", time.mad),
             format!("{:.3}–{:.3}", time.low, time.high),
             format!("{:.0}", point.bytes_per_pixel),
+            point
+                .over_copy
+                .map_or_else(|| "–".to_owned(), |ratio| format!("{ratio:.2}")),
             format!("{:.0} %", 100.0 * point.skipped),
             point
                 .peak_gpu_bytes
@@ -248,8 +256,11 @@ fn show(report: &BenchReport) -> String {
         table.add_row(row);
     }
     let (sequence, adapter, noise) = (&report.sequence, &report.adapter, &report.noise);
+    let copy = report.copy_gb_per_s.map_or_else(String::new, |speed| {
+        format!("copies: a frame's time over that of moving its bytes once, as a plain copy does at {speed:.0} GB/s\n")
+    });
     format!(
-        "{} {} · {} frames · {} ({} {}) · times: {}\n{table}\nnoise: {} twice differs by up to {:.1} % ({} frames)\n",
+        "{} {} · {} frames · {} ({} {}) · times: {}\n{table}\nnoise: {} twice differs by up to {:.1} % ({} frames)\n{copy}",
         sequence.name,
         sequence.output_size,
         sequence.n_frames,

@@ -126,6 +126,12 @@ impl Gpu {
         self.variant.workgroup.unwrap_or(self.workgroup)
     }
 
+    /// Whether passes that can do so keep what a workgroup's invocations read in common in its own memory: on a GPU reading it
+    /// again costs more, on a CPU waiting for each other does.
+    pub fn uses_workgroup_memory(&self) -> bool {
+        self.variant.workgroup_memory.unwrap_or(!self.is_cpu())
+    }
+
     /// Bytes that resources now take on the device; none where the backend does not count them.
     pub fn allocated_bytes(&self) -> Option<u64> {
         let report = self.device.generate_allocator_report()?;

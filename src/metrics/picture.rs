@@ -141,6 +141,17 @@ impl Picture {
         }
     }
 
+    /// Σ (a − b)² of the codes in some columns of row `y`, where both have 8 bits.
+    pub(super) fn squares_of_codes(&self, other: &Self, y: usize, columns: Range<usize>) -> Option<u64> {
+        match (&self.0, &other.0) {
+            (Pixels::Codes(a), Pixels::Codes(b)) if (a.max, b.max) == (255, 255) => {
+                let [a, b] = [a, b].map(|codes| codes.pixels.row(y as u32)[columns.clone()].as_flattened());
+                Some(sum_squares(a, b))
+            }
+            _ => None,
+        }
+    }
+
     /// Display values of some columns of row `y`; NaN where the pixel has a non-finite component.
     pub(super) fn show(&self, y: usize, columns: Range<usize>, shown: [&mut [f64]; 3]) {
         match &self.0 {
@@ -183,6 +194,20 @@ impl Picture {
 }
 
 vectorised! {
+    fn sum_squares<'a>(a: &'a [u16], b: &'a [u16]) -> u64 {
+        let mut sum = 0;
+        // A part's sum fits 32 bits: its squares are below 2¹⁶.
+        for (a, b) in a.chunks(1 << 15).zip(b.chunks(1 << 15)) {
+            let mut part = 0_u32;
+            for (a, b) in a.iter().zip(b) {
+                let difference = u32::from(a.abs_diff(*b));
+                part += difference * difference;
+            }
+            sum += u64::from(part);
+        }
+        sum
+    }
+
     fn are_finite<'a>(values: &'a [f32]) -> bool {
         let mut all = 0.0;
         for value in values {

@@ -143,6 +143,30 @@ mod tests {
         near(Metric::SNR, 10.0 * libm::log10((0.04 + 0.16) / 0.04));
     }
 
+    /// Where nothing else is asked for, errors of 8-bit images are added up as integers.
+    #[test]
+    fn integers_and_what_they_show_have_the_same_errors() {
+        let picture = |factor: u32| {
+            let code = move |x: u32, y: u32, channel: u32| (((x + 300 * y) * factor + 91 * channel) % 256) as u16;
+            Picture::codes(
+                Image::from_fn(Extent::new(301, 70), |x, y| {
+                    [0, 1, 2].map(|channel| code(x, y, channel))
+                }),
+                255,
+            )
+        };
+        let errors = |metrics: &[Metric]| {
+            let scores = Reference::new(picture(7), metrics).evaluate(&picture(11)).unwrap();
+            [Metric::MSE, Metric::PSNR_U8].map(|metric| scores.values[metric.id()].0)
+        };
+        let exact = errors(&[Metric::MSE, Metric::PSNR_U8]);
+        let shown = errors(&[Metric::MSE, Metric::PSNR_U8, Metric::PSNR_Y]);
+        for (exact, shown) in exact.into_iter().zip(shown) {
+            assert!((exact / shown - 1.0).abs() < 1e-13, "{exact}, not {shown}");
+        }
+        assert!(exact[0] > 0.01, "{exact:?}");
+    }
+
     #[test]
     fn black_against_black_is_perfect_and_black_against_white_is_not() {
         let equal = scores([0; 3], [0; 3]);

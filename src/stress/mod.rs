@@ -202,6 +202,7 @@ pub fn execute_with_fault(
     // Hazards share recipes, and recipes passes.
     let gpu = gpu.with(Variant {
         workgroup: gpu.variant().workgroup,
+        workgroup_memory: gpu.variant().workgroup_memory,
         cache: Some(Default::default()),
     });
     let mut planned = Vec::new();

@@ -223,9 +223,10 @@ fn equal_bits(
     findings: &mut Findings,
 ) -> Result<(), GpuError> {
     let again = |device: Device<'_>| device.resolve(segment, |index| (segment.frames)(index));
-    let shaped = |workgroup| {
+    let shaped = |workgroup, workgroup_memory| {
         device.gpu.with(Variant {
             workgroup: Some(workgroup),
+            workgroup_memory: Some(workgroup_memory),
             cache: Some(Default::default()),
         })
     };
@@ -250,9 +251,11 @@ fn equal_bits(
         }
         Order::Tiles => {
             for shape in [[8, 8], [64, 1], [4, 16]].map(|[x, y]| Workgroup::new(x, y)) {
-                let gpu: Gpu = shaped(shape);
-                let found = again(Device { gpu: &gpu, ..device })?;
-                compare(&format!("with workgroups of {shape}"), &found);
+                for (shares, how) in [(false, "alone"), (true, "that share what they read")] {
+                    let gpu: Gpu = shaped(shape, shares);
+                    let found = again(Device { gpu: &gpu, ..device })?;
+                    compare(&format!("with workgroups of {shape} {how}"), &found);
+                }
             }
         }
         Order::Threads => {

@@ -7,15 +7,16 @@ mod quasi_cubic;
 
 use super::{
     Carried, Fault, Precision, Recipe,
+    changes::TILE,
     fault::planted,
     inputs::View,
-    recipe::Sharpen,
+    recipe::{Dilation, InputFilter, Neighbourhood, Sharpen},
     recorder::Recorder,
     sobel2018::Edges,
     tiles::{self, Tiles},
 };
 use crate::{
-    gpu::{Bound, Gpu, GpuError, Pass, Texture},
+    gpu::{Bound, Gpu, GpuError, Pass, Texture, Workgroup},
     image::Extent,
     sequence::Sizes,
 };
@@ -46,6 +47,8 @@ const SHARED: [&str; 17] = [
 ];
 const RESOLVE: &str = include_str!("../../shaders/taa/temporal/resolve.wgsl");
 const SHARPEN: &str = include_str!("../../shaders/taa/temporal/sharpen.wgsl");
+const NEAR_CACHED: &str = include_str!("../../shaders/taa/temporal/near_cached.wgsl");
+const NEAR_SHARED: &str = include_str!("../../shaders/taa/temporal/near_shared.wgsl");
 const HISTORY_F16: &str = include_str!("../../shaders/taa/temporal/history_f16.wgsl");
 const HISTORY_F32: &str = include_str!("../../shaders/taa/temporal/history_f32.wgsl");
 
@@ -63,24 +66,44 @@ pub struct Builder<'a> {
 impl Builder<'_> {
     /// Compiles a pass of the recipe; `overrides` are its own.
     pub fn pass(&self, name: &str, text: &str, overrides: &[(&str, f64)]) -> Result<Pass, GpuError> {
-        self.compile(name, text, tiles::EVERY_PIXEL, overrides)
+        self.compile(name, text, [tiles::EVERY_PIXEL, NEAR_CACHED], overrides)
     }
 
     /// Compiles a pass that runs over listed tiles where the recipe keeps others.
     pub fn tiled_pass(&self, name: &str, text: &str) -> Result<Pass, GpuError> {
-        if !self.keeps_tiles {
-            return self.pass(name, text, &[]);
-        }
-        let notes_settled = ("notes_settled", f64::from(u8::from(self.recipe.keeps_carried_tiles())));
-        self.compile(name, text, tiles::LISTED, &[notes_settled])
+        self.compile_tiled(name, text, NEAR_CACHED)
     }
 
-    fn compile(&self, name: &str, text: &str, grid: &str, overrides: &[(&str, f64)]) -> Result<Pass, GpuError> {
+    /// The same of a pass that gathers what lies beside its pixels before it looks at it.
+    fn gathering_pass(&self, name: &str, text: &str) -> Result<Pass, GpuError> {
+        let Workgroup { x, y } = self.gpu.workgroup();
+        let [width, height] = match self.keeps_tiles {
+            true => [TILE, x * y / TILE],
+            false => [x, y],
+        };
+        if !self.gpu.uses_workgroup_memory() || !looks_one_texel_far(self.recipe) || height == 0 {
+            return self.tiled_pass(name, text);
+        }
+        // Not overrides: naga takes one array at most whose size depends on some.
+        let group = format!("const GROUP_WIDTH: u32 = {width}u;\nconst GROUP_HEIGHT: u32 = {height}u;\n");
+        self.compile_tiled(name, text, &(group + NEAR_SHARED))
+    }
+
+    fn compile_tiled(&self, name: &str, text: &str, near: &str) -> Result<Pass, GpuError> {
+        if !self.keeps_tiles {
+            return self.compile(name, text, [tiles::EVERY_PIXEL, near], &[]);
+        }
+        let notes_settled = ("notes_settled", f64::from(u8::from(self.recipe.keeps_carried_tiles())));
+        self.compile(name, text, [tiles::LISTED, near], &[notes_settled])
+    }
+
+    /// `grid` says which pixels there are and how what lies beside them is read.
+    fn compile(&self, name: &str, text: &str, grid: [&str; 2], overrides: &[(&str, f64)]) -> Result<Pass, GpuError> {
         let store = match self.precision {
             Precision::F16 => HISTORY_F16,
             Precision::F32 => HISTORY_F32,
         };
-        let sources: Vec<_> = [text].into_iter().chain(SHARED).chain([store, grid]).collect();
+        let sources: Vec<_> = [text].into_iter().chain(SHARED).chain([store]).chain(grid).collect();
         let sources = planted(self.fault, name, &sources)?;
         let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
         let overrides = [&self.recipe.overrides(), overrides].concat();
@@ -149,7 +172,7 @@ impl Temporal {
         let moments = needs_moments(recipe).then(|| Moments::new(builder)).transpose()?;
         let edges = recipe.finds_edges().then(|| Edges::new(builder)).transpose()?;
         let tiles = builder.keeps_tiles.then(|| Tiles::new(builder)).transpose()?;
-        let resolve = builder.tiled_pass("resolve", RESOLVE)?;
+        let resolve = builder.gathering_pass("resolve", RESOLVE)?;
         let sharpen = (recipe.sharpen != Sharpen::None)
             .then(|| builder.tiled_pass("sharpen", SHARPEN))
             .transpose()?;
@@ -240,6 +263,26 @@ impl Temporal {
     pub fn tiles(&self) -> Option<&Tiles> {
         self.tiles.as_ref()
     }
+}
+
+/// Whether the resolve reads colour, depth or motion beside a pixel, and nowhere else.
+fn looks_one_texel_far(recipe: &Recipe) -> bool {
+    let by_box = match recipe.neighbourhood {
+        _ if recipe.unjitter_neighbourhood => None,
+        Neighbourhood::None => Some(false),
+        Neighbourhood::Cross | Neighbourhood::Box3 | Neighbourhood::Rounded => Some(true),
+        Neighbourhood::Variance => (recipe.variance_window == 3 && !recipe.prefilter_moments).then_some(true),
+        Neighbourhood::Sobel | Neighbourhood::Shrunk => None,
+    };
+    let by_filter = match recipe.input_filter {
+        InputFilter::Texel | InputFilter::Unjitter => Some(false),
+        InputFilter::BlackmanHarris => Some(true),
+        InputFilter::Upsample => None,
+    };
+    let looks = |by_box, by_filter| by_box || by_filter || recipe.dilation != Dilation::None;
+    by_box
+        .zip(by_filter)
+        .is_some_and(|(by_box, by_filter)| looks(by_box, by_filter))
 }
 
 fn needs_moments(recipe: &Recipe) -> bool {

@@ -118,6 +118,8 @@ fn chart(run: &BenchRun, runs: &[BenchRun]) -> Markup {
     }
 }
 
+const COPIES: &str = "A frame's time over that of moving its bytes once at the speed of a plain copy";
+
 fn points(run: &BenchRun) -> Markup {
     let metric = run.report.metric;
     let mut points: Vec<&Point> = run.report.points.iter().collect();
@@ -128,7 +130,7 @@ fn points(run: &BenchRun) -> Markup {
                 th { "Setting" } th { "Dominated by" }
                 th.number { (metric) }
                 th.number { "ms" } th.number { "MAD" } th.number { "95 %" }
-                th.number { "B/pixel" } th.number { "Skipped" } th.number { "MiB" }
+                th.number { "B/pixel" } th.number title=(COPIES) { "Copies" } th.number { "Skipped" } th.number { "MiB" }
             } }
             tbody { @for point in points {
                 @let time = &point.time_ms;
@@ -140,6 +142,10 @@ fn points(run: &BenchRun) -> Markup {
                     td.number { (format!("{:.3}", time.mad)) }
                     td.number { (format!("{:.3}–{:.3}", time.low, time.high)) }
                     td.number { (format!("{:.0}", point.bytes_per_pixel)) }
+                    td.number { @match point.over_copy {
+                        Some(ratio) => (format!("{ratio:.2}")),
+                        None => (format::ABSENT),
+                    } }
                     td.number { (format!("{:.0} %", 100.0 * point.skipped)) }
                     td.number { @match point.peak_gpu_bytes {
                         Some(bytes) => (format!("{:.1}", bytes as f64 / 1_048_576.0)),

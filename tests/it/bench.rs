@@ -44,6 +44,8 @@ fn every_point_has_what_was_promised() {
     assert_eq!(report.points.len(), 6);
     assert_eq!(report.left_out.len(), 2, "{:?}", report.left_out);
     assert!(report.noise.relative > 0.0 && report.noise.n_frames >= 20);
+    let n_pixels = f64::from(report.sequence.output_size.width * report.sequence.output_size.height);
+    let copy_ms_per_byte = 1e-6 / report.copy_gb_per_s.unwrap();
     let points = serde_json::to_value(&report).unwrap()["points"].clone();
     for point in points.as_array().unwrap() {
         let time = |name: &str| point["time_ms"][name].as_f64().unwrap();
@@ -56,6 +58,9 @@ fn every_point_has_what_was_promised() {
         assert!(point["preset"].is_string() && point["parameters"]["history"].is_string());
         assert!(point["metrics"]["psnr"].as_f64().unwrap() > 5.0, "{point}");
         assert_eq!(point["skipped"], 0.0);
+        let copies_ms = point["bytes_per_pixel"].as_f64().unwrap() * n_pixels * copy_ms_per_byte;
+        let ratio = point["over_copy"].as_f64().unwrap() / (time("median") / copies_ms);
+        assert!((ratio - 1.0).abs() < 1e-9, "{point}");
         assert!(point["passes_ms"]["resolve"].as_f64().unwrap() > 0.0);
         assert!(point["dominated_by"].is_null() || point["dominated_by"].is_string());
     }
@@ -147,7 +152,12 @@ fn the_service_keeps_benchmarks_and_draws_their_fronts() {
     }
     let run = client.get(&format!("/bench/{}", jobs[1])).json();
     assert_eq!(run["points"].as_array().unwrap().len(), 4);
-    assert_eq!((&run["metric"], &run["clock"]), (&json!("psnr"), &json!("process_cpu")));
+    let clock = if gpu().is_cpu() {
+        "process_cpu"
+    } else {
+        "gpu_timestamps"
+    };
+    assert_eq!((&run["metric"], &run["clock"]), (&json!("psnr"), &json!(clock)));
     let listed = client.get("/bench?sequence=pan&limit=1").json();
     assert_eq!(listed["runs"][0]["job_id"], json!(jobs[1]));
     assert_eq!(client.get("/bench?sequence=other").json()["runs"], json!([]));

@@ -3,6 +3,7 @@
 use crate::support::{DeviceScorer, cpu_scores, gpu_scores, gpu_tolerance, metrics_for, noise, perfect};
 use afterimage::{
     compare::{Comparison, Criteria, compare},
+    gpu::{Variant, Workgroup},
     image::{
         Extent, Image,
         files::{Backend, FileReader, Limits},
@@ -309,6 +310,38 @@ fn gpu_matches_the_cpu_on_odd_sizes_and_small_errors() {
             }
         }
     }
+}
+
+/// Sums are added up apart on a CPU and together on a GPU; here both, for all that can be measured.
+#[test]
+fn workgroups_that_add_up_together_find_the_same() {
+    let extent = Extent::new(61, 43);
+    let image = |seed, amplitude: f32| {
+        Image::from_fn(extent, |x, y| {
+            [noise(x / 3, y, 1), 4.0 * noise(x / 5, y / 5, 2), 0.3].map(|c| c * (1.0 + amplitude * noise(x, y, seed)))
+        })
+    };
+    let metrics = metrics_for(extent);
+    let motion_px = Image::from_fn(extent, |x, _| [if x < 30 { -1.0 } else { 0.0 }, 0.0]);
+    let [apart, together] = [false, true].map(|together| {
+        let variant = Variant {
+            workgroup: Some(Workgroup::new(8, 8)),
+            workgroup_memory: Some(together),
+            ..Variant::default()
+        };
+        let mut device = DeviceScorer::with(variant, extent, Display::default(), &metrics);
+        device.score(&Arc::new(image(3, 0.1)), &image(4, 0.1), None, true);
+        device
+            .score(&Arc::new(image(5, 0.1)), &image(6, 0.1), Some(&motion_px), true)
+            .values
+    });
+    assert_on_gpu(
+        "together",
+        &together,
+        metrics.iter().map(|metric| (*metric, apart[metric.id()])),
+        extent,
+    );
+    assert!(apart["psnr"].0 > 10.0 && apart["psnr"].0 < 60.0, "{}", apart["psnr"].0);
 }
 
 #[test]

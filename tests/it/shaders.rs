@@ -42,7 +42,14 @@ fn parse(source: &str) -> Result<naga::Module, String> {
 /// A pass together with the files it is compiled with.
 fn module_of(pass: &Path, files: &[PathBuf]) -> String {
     // A recipe's passes share what lies beside them; of two files that stand in for each other one is enough.
-    let stands_in = ["history_f32.wgsl", "listed.wgsl", "classes.wgsl", "shares.wgsl"];
+    let stands_in = [
+        "history_f32.wgsl",
+        "listed.wgsl",
+        "near_shared.wgsl",
+        "classes.wgsl",
+        "shares.wgsl",
+        "strips_together.wgsl",
+    ];
     let of_recipe = pass.iter().any(|part| part == "taa")
         && !["prepare.wgsl", "merge.wgsl", "classify.wgsl"]
             .iter()
@@ -95,10 +102,22 @@ fn every_pass_is_valid() {
         if let Err(error) = parse(&module) {
             panic!("{}: {error}", pass.display());
         }
-        let everywhere = include_str!("../../shaders/taa/tiles/every_pixel.wgsl");
-        let listed = module.replace(everywhere, include_str!("../../shaders/taa/tiles/listed.wgsl"));
-        if let Err(error) = parse(&listed) {
-            panic!("{} over listed tiles: {error}", pass.display());
+        let near = "const GROUP_WIDTH: u32 = 8u; const GROUP_HEIGHT: u32 = 4u;\n".to_owned()
+            + include_str!("../../shaders/taa/temporal/near_shared.wgsl");
+        for (instead, of) in [
+            (
+                include_str!("../../shaders/taa/tiles/listed.wgsl"),
+                include_str!("../../shaders/taa/tiles/every_pixel.wgsl"),
+            ),
+            (&*near, include_str!("../../shaders/taa/temporal/near_cached.wgsl")),
+            (
+                include_str!("../../shaders/metrics/strips_together.wgsl"),
+                include_str!("../../shaders/metrics/strips_apart.wgsl"),
+            ),
+        ] {
+            if let Err(error) = parse(&module.replace(of, instead)) {
+                panic!("{} with {}: {error}", pass.display(), instead.lines().next().unwrap());
+            }
         }
     }
 }

@@ -3,9 +3,10 @@
 
 use crate::{
     gpu_vs_reference::{scene, still},
-    support::{frame, noise, resolve_skipping},
+    support::{frame, gpu, noise, resolve_skipping, resolve_with},
 };
 use afterimage::{
+    gpu::{Variant, Workgroup},
     image::{Extent, Image},
     sequence::{Frame, frame::Rgb},
     taa::{Options, PRESETS, Precision, Preset, Recipe, Skip},
@@ -37,6 +38,34 @@ fn same_both_ways(recipe: &Recipe, precision: Precision, frames: impl Iterator<I
         );
     }
     exact.into_iter().map(|(.., kept)| kept).collect()
+}
+
+/// What a workgroup's pixels read in common comes from its memory on a GPU and from caches on a CPU: here both, over every
+/// pixel and over listed tiles, in groups that end within the image and beyond it: both dilations, three boxes, and the input filter.
+#[test]
+fn workgroups_share_what_they_read_to_the_bit() {
+    for preset in ["smaa1tx", "inside", "karis2014", "salvi2016"] {
+        let recipe = &Preset::find(preset).unwrap().recipe;
+        for skip in [Skip::Off, Skip::Exact] {
+            let with = |workgroup_memory, shape| {
+                let gpu = gpu().with(Variant {
+                    workgroup: Some(shape),
+                    workgroup_memory: Some(workgroup_memory),
+                    cache: None,
+                });
+                let frames = (6..14).map(|index| Frame {
+                    index: index - 6,
+                    ..partly_still(index, true)
+                });
+                let resolved = resolve_with(&gpu, recipe, options(Precision::F16, skip), frames);
+                resolved.iter().map(|(image, ..)| bits(image)).collect::<Vec<_>>()
+            };
+            let alone = with(false, Workgroup::new(64, 1));
+            for shape in [Workgroup::new(8, 8), Workgroup::new(64, 4)] {
+                assert!(with(true, shape) == alone, "{preset} {skip:?} {shape}");
+            }
+        }
+    }
 }
 
 /// A sky over a textured ground that stands still, and a box that slides over both, waits for ten frames and slides on.

@@ -21,16 +21,16 @@ fn current_color(p: vec2i, has_history: bool) -> vec3f {
         case INPUT_UNJITTER: { return sample_bilinear(color, vec2f(p) + 0.5 - frame.jitter_px); }
         case INPUT_BLACKMAN_HARRIS: {
             // Differences from the centre are weighted, so that a flat colour comes out exactly, whatever the jitter.
-            let centre = fetch(color, p);
+            let centre = near_color(p, vec2i(0));
             var sum = vec3f(0.0);
             for (var i = 0; i < 9; i++) {
-                let c = fetch(color, p + vec2i(i % 3, i / 3) - 1);
+                let c = near_color(p, vec2i(i % 3, i / 3) - 1);
                 sum += frame.input_weights_x[i % 3] * frame.input_weights_y[i / 3] * (c - centre);
             }
             return centre + sum;
         }
         case INPUT_UPSAMPLE: { return upsampled(p, has_history); }
-        default: { return fetch(color, p); }
+        default: { return near_color(p, vec2i(0)); }
     }
 }
 

@@ -31,7 +31,7 @@ fn neighbour(p: vec2i, o: vec2i) -> vec3f {
     if (unjitter_neighbourhood) {
         return to_space(sample_bilinear(color, vec2f(p + o) + 0.5 - frame.jitter_px));
     }
-    return to_space(fetch(color, p + o));
+    return to_space(near_color(p, o));
 }
 
 fn empty_box() -> ColorBox {
@@ -42,15 +42,20 @@ fn extend(bounds: ColorBox, c: vec3f) -> ColorBox {
     return ColorBox(min(bounds.lo, c), max(bounds.hi, c), bounds.mean + c);
 }
 
-fn cross_box(p: vec2i) -> ColorBox {
+// Of the texel and the four beside it; sums where means will be.
+fn cross_sums(p: vec2i) -> ColorBox {
     let c = neighbour(p, vec2i(0));
     var bounds = ColorBox(c, c, c);
     bounds = extend(bounds, neighbour(p, vec2i(0, -1)));
     bounds = extend(bounds, neighbour(p, vec2i(-1, 0)));
     bounds = extend(bounds, neighbour(p, vec2i(1, 0)));
     bounds = extend(bounds, neighbour(p, vec2i(0, 1)));
-    bounds.mean *= 1.0 / 5.0;
     return bounds;
+}
+
+fn cross_box(p: vec2i) -> ColorBox {
+    let sums = cross_sums(p);
+    return ColorBox(sums.lo, sums.hi, sums.mean * (1.0 / 5.0));
 }
 
 fn box3(p: vec2i) -> ColorBox {
@@ -65,9 +70,12 @@ fn box3(p: vec2i) -> ColorBox {
 
 // Pedersen, INSIDE: the corners of the 3×3 count half.
 fn rounded_box(p: vec2i) -> ColorBox {
-    let a = cross_box(p);
-    let b = box3(p);
-    return ColorBox(0.5 * (a.lo + b.lo), 0.5 * (a.hi + b.hi), 0.5 * (a.mean + b.mean));
+    let a = cross_sums(p);
+    var b = extend(a, neighbour(p, vec2i(-1, -1)));
+    b = extend(b, neighbour(p, vec2i(1, -1)));
+    b = extend(b, neighbour(p, vec2i(-1, 1)));
+    b = extend(b, neighbour(p, vec2i(1, 1)));
+    return ColorBox(0.5 * (a.lo + b.lo), 0.5 * (a.hi + b.hi), a.mean * (1.0 / 10.0) + b.mean * (1.0 / 18.0));
 }
 
 struct Distribution {

@@ -45,7 +45,10 @@ struct Motion {
 }
 
 fn motion_at(p: vec2i) -> Motion {
-    let px = textureLoad(motion, clamped(p), 0).rg;
+    return motion_of(p, textureLoad(motion, clamped(p), 0).rg);
+}
+
+fn motion_of(p: vec2i, px: vec2f) -> Motion {
     let size = textureDimensions(color);
     let longest = 4.0 * f32(max(size.x, size.y));
     // Compared as bits, which orders NaN and infinity above every finite length.
@@ -60,17 +63,17 @@ fn dilated_motion(output_pixel: vec2i) -> Motion {
     let p = input_texel(output_pixel);
     var best = 0;
     if (dilation == DILATION_CLOSEST) {
-        var nearest = view_depth(p);
+        var nearest = near_depth(p, vec2i(0));
         for (var i = 1; i < 9; i++) {
-            let z = view_depth(p + ring_offset(i));
+            let z = near_depth(p, ring_offset(i));
             best = select(best, i, z < nearest);
             nearest = min(nearest, z);
         }
     }
     if (dilation == DILATION_LONGEST) {
-        var longest = motion_at(p).length2;
+        var longest = motion_of(p, near_motion_px(p, vec2i(0))).length2;
         for (var i = 1; i < 9; i++) {
-            let length2 = motion_at(p + ring_offset(i)).length2;
+            let length2 = motion_of(p, near_motion_px(p, ring_offset(i))).length2;
             best = select(best, i, length2 > longest);
             longest = max(longest, length2);
         }

@@ -24,6 +24,7 @@ fn accumulated(p: vec2i, at: Reprojection, unrectified: vec3f, current: vec3f, n
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(invocation: Invocation) {
+    gather_near(invocation);
     let id = pixel_of(invocation);
     if (any(id >= textureDimensions(shown))) {
         return;

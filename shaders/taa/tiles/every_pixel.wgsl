@@ -2,10 +2,17 @@
 
 struct Invocation {
     @builtin(global_invocation_id) global: vec3u,
+    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(local_invocation_index) local: u32,
 }
 
 fn pixel_of(invocation: Invocation) -> vec2u {
     return invocation.global.xy;
+}
+
+// The first pixel of the invocation's workgroup.
+fn corner_of(invocation: Invocation) -> vec2u {
+    return invocation.workgroup.xy * vec2u(WORKGROUP_X, WORKGROUP_Y);
 }
 
 fn note_stored(c: vec3f, before: vec3f, settled: vec3f) {}

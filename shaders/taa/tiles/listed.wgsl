@@ -28,6 +28,13 @@ fn pixel_of(invocation: Invocation) -> vec2u {
     return TILE * own_tile + vec2u(index % TILE, index / TILE);
 }
 
+// The first pixel of the invocation's workgroup: it is as wide as a tile.
+fn corner_of(invocation: Invocation) -> vec2u {
+    let listed = listed_tiles[invocation.workgroup.x];
+    let row = invocation.workgroup.y * (WORKGROUP_X * WORKGROUP_Y) / TILE;
+    return TILE * vec2u(listed & 0xffffu, listed >> 16u) + vec2u(0u, row);
+}
+
 fn are_equal(a: vec3f, b: vec3f) -> bool {
     return all(bitcast<vec3u>(a) == bitcast<vec3u>(b));
 }

@@ -46,7 +46,7 @@ impl MultiScale {
     pub fn new(setup: &Setup) -> Result<Self, GpuError> {
         let classes_wgsl = if setup.has_masks { SHARES } else { setup.classes_wgsl() };
         let windows = |part| window_pass(setup, Domain::Luma, part, classes_wgsl);
-        let sums = extents(setup.extent).map(|extent| WindowSums::new(setup, extent, Domain::Luma));
+        let sums = extents(setup.extent).map(|extent| WindowSums::new(setup, extent));
         Ok(Self {
             halve: Pass::new(setup.gpu, "metrics: halve", &[HALVE], &[])?,
             contrast: windows(Part::Contrast)?,

@@ -40,7 +40,7 @@ impl Ssim {
         Ok(Self {
             domain,
             pass: window_pass(setup, domain, Part::Whole, setup.classes_wgsl())?,
-            sums: WindowSums::new(setup, setup.extent, domain)?,
+            sums: WindowSums::new(setup, setup.extent)?,
         })
     }
 
@@ -87,11 +87,11 @@ pub fn window_pass(setup: &Setup, domain: Domain, part: Part, classes_wgsl: &'st
 
 impl WindowSums {
     /// Of images of `extent`.
-    pub fn new(setup: &Setup, extent: Extent, domain: Domain) -> Result<Self, GpuError> {
+    pub fn new(setup: &Setup, extent: Extent) -> Result<Self, GpuError> {
         let windows = ssim::valid_extent(extent);
         let n_groups = windows.width.div_ceil(GROUP) as usize * windows.height.div_ceil(GROUP) as usize;
         Ok(Self {
-            sums: PartialSums::new(setup, n_groups * domain.n_channels())?,
+            sums: PartialSums::new(setup, n_groups)?,
             windows,
         })
     }

@@ -5,17 +5,20 @@ use super::{
     Recording, Setup,
 };
 use crate::{
-    gpu::{Gpu, GpuError, Invocation, Pass, Readback, Texture},
+    gpu::{Gpu, GpuError, Invocation, Pass, Readback, Texture, Workgroup},
     image::Extent,
 };
 use std::array;
 
 const SUMS: &str = include_str!("../../../shaders/metrics/sums.wgsl");
+const STRIPS_APART: &str = include_str!("../../../shaders/metrics/strips_apart.wgsl");
+const STRIPS_TOGETHER: &str = include_str!("../../../shaders/metrics/strips_together.wgsl");
 const CLASSES: &str = include_str!("../../../shaders/metrics/classes.wgsl");
 const UNCLASSED: &str = include_str!("../../../shaders/metrics/unclassed.wgsl");
 
-/// Rows that an invocation of `sums.wgsl` sums.
-const STRIP: u32 = 64;
+/// Rows that an invocation of `sums.wgsl` sums: on a CPU many, which leaves few sums; on a GPU so few that all of it has work.
+const ROWS_APART: u32 = 64;
+const ROWS_TOGETHER: u32 = 8;
 
 /// Adds up `N` terms (`N_TERMS` of its shader) over the pixels of each class.
 #[derive(Debug)]
@@ -61,12 +64,18 @@ impl<const N: usize> SumPass<N> {
         overrides: &[(&str, f64)],
     ) -> Result<Self, GpuError> {
         let Extent { width, height } = setup.extent;
-        let strips = Extent::new(width, height.div_ceil(STRIP));
-        let sources = [&[shader, SUMS, setup.classes_wgsl()], shared].concat();
-        let frame = [("width", f64::from(width)), ("height", f64::from(height))];
+        let Workgroup { x, y } = setup.gpu.workgroup();
+        let (strips_wgsl, n_rows, runs) = match setup.gpu.uses_workgroup_memory() {
+            true => (STRIPS_TOGETHER, ROWS_TOGETHER, Extent::new(x, y)),
+            false => (STRIPS_APART, ROWS_APART, Extent::new(1, 1)),
+        };
+        let strips = Extent::new(width, height.div_ceil(n_rows));
+        let n_runs = strips.width.div_ceil(runs.width) as usize * strips.height.div_ceil(runs.height) as usize;
+        let sources = [&[shader, SUMS, strips_wgsl, setup.classes_wgsl()], shared].concat();
+        let frame = [("width", width), ("height", height), ("n_rows", n_rows)].map(|(name, n)| (name, f64::from(n)));
         Ok(Self {
             pass: Pass::new(setup.gpu, label, &sources, &[&frame, overrides].concat())?,
-            partial_sums: PartialSums::new(setup, strips.n_pixels())?,
+            partial_sums: PartialSums::new(setup, n_runs)?,
             strips,
         })
     }

@@ -5,7 +5,7 @@ pub mod browser;
 pub mod service;
 
 use afterimage::{
-    gpu::{Gpu, ReadbackPool, Texture, Timer},
+    gpu::{Gpu, ReadbackPool, Texture, Timer, Variant},
     image::{Extent, Image},
     metrics::{
         Better, Display, FrameScores, LateValue, Mask, Metric, MetricError, Picture, Reference, Tonemap,
@@ -130,7 +130,16 @@ pub fn resolve_skipping(
     options: Options,
     frames: impl Iterator<Item = Frame>,
 ) -> Vec<(Image<Rgb>, u64, f64)> {
-    let gpu = gpu();
+    resolve_with(gpu(), recipe, options, frames)
+}
+
+/// As [`resolve_skipping`], with passes compiled as `gpu` has it.
+pub fn resolve_with(
+    gpu: &Gpu,
+    recipe: &Recipe,
+    options: Options,
+    frames: impl Iterator<Item = Frame>,
+) -> Vec<(Image<Rgb>, u64, f64)> {
     let pool = ReadbackPool::default();
     let mut frames = frames.peekable();
     let first = frames.peek().expect("a frame");
@@ -229,7 +238,12 @@ pub fn gpu_tolerance(metric: Metric, value: f64, n_pixels: usize) -> f64 {
         return 1e-3 + 10.0 * libm::log10(1.0 + 2.0 / codes_error);
     }
     match metric.info().unit {
-        "dB" => 1e-3,
+        // Display values are rounded by about 1e-7, and few pixels are a poor mean of that: three standard deviations.
+        "dB" => {
+            let rmse = libm::pow(10.0, -0.05 * value);
+            let n_samples = 3.0 * n_pixels as f64 * if metric.mask().is_some() { 0.1 } else { 1.0 };
+            1e-3 + 3.0 * 8.686 * 1e-7 / (rmse * n_samples.sqrt())
+        }
         _ if is("rel_mse") || is("smape") => 1e-5 * value,
         _ if is("flip") || is("hdr_flip") => 1e-3,
         // A mask may hold a hundred pixels, of which one such value moves the windows.
@@ -242,6 +256,7 @@ pub fn gpu_tolerance(metric: Metric, value: f64, n_pixels: usize) -> f64 {
 
 /// One preset's frames, scored on the device.
 pub struct DeviceScorer {
+    gpu: Gpu,
     passes: GpuMetrics,
     track: DeviceTrack,
     test: Texture,
@@ -251,12 +266,18 @@ pub struct DeviceScorer {
 
 impl DeviceScorer {
     pub fn new(extent: Extent, display: Display, metrics: &[Metric]) -> Self {
+        Self::with(Variant::default(), extent, display, metrics)
+    }
+
+    pub fn with(variant: Variant, extent: Extent, display: Display, metrics: &[Metric]) -> Self {
+        let gpu = gpu().with(variant);
         Self {
-            passes: GpuMetrics::new(gpu(), extent, display, metrics, 1).unwrap(),
+            passes: GpuMetrics::new(&gpu, extent, display, metrics, 1).unwrap(),
             track: DeviceTrack::new(metrics),
-            test: Texture::new(gpu(), "test", extent, wgpu::TextureFormat::Rgba32Float),
-            timer: Timer::new(gpu(), 1),
+            test: Texture::new(&gpu, "test", extent, wgpu::TextureFormat::Rgba32Float),
+            timer: Timer::new(&gpu, 1),
             pool: ReadbackPool::default(),
+            gpu,
         }
     }
 
@@ -268,7 +289,7 @@ impl DeviceScorer {
         motion_px: Option<&Image<[f32; 2]>>,
         settled: bool,
     ) -> FrameScores {
-        let gpu = gpu();
+        let gpu = &self.gpu;
         self.test.write_rgb(gpu, test);
         let mut readback = self.pool.begin();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
