@@ -5,7 +5,7 @@ use crate::sequence::{
     copy_of, edit,
     files::{Channel, Part, write_exr},
     fixture, reader,
-    scene::{FAR, NEAR, PAN, Sample, jitter_px},
+    scene::{FAR, NEAR, PAN, Pose, Sample, Scene, jitter_px},
 };
 use afterimage::sequence::{
     Sequence,
@@ -254,12 +254,21 @@ fn a_reset_that_is_no_cut_is_only_noted() {
     assert_eq!(found, [("frames.reset", Severity::Note)]);
 }
 
+/// The pan, faster with every frame.
+const HASTY: Scene = Scene {
+    pose: |frame| Pose {
+        x: 0.04 * (frame * frame) as f64,
+        yaw: 0.003 * (frame * frame) as f64,
+    },
+    ..PAN
+};
+
 /// The scene, its sky with or without stripes that stand still in the world.
-fn sample(frame: i64, [x, y]: [f64; 2], striped: bool) -> Sample {
-    let mut sample = PAN.sample(frame, [x, y]);
+fn sample(scene: &Scene, frame: i64, [x, y]: [f64; 2], striped: bool) -> Sample {
+    let mut sample = scene.sample(frame, [x, y]);
     if sample.object_id == 0 && striped {
         let ahead = 1.6;
-        let azimuth = libm::atan((2.0 * x / f64::from(PAN.size[0]) - 1.0) / ahead) + (PAN.pose)(frame).yaw;
+        let azimuth = libm::atan((2.0 * x / f64::from(scene.size[0]) - 1.0) / ahead) + (scene.pose)(frame).yaw;
         let light = 0.5 + 0.4 * libm::sin(60.0 * azimuth);
         sample.color = sample.color.map(|color| color * light);
     }
@@ -271,12 +280,17 @@ fn sample(frame: i64, [x, y]: [f64; 2], striped: bool) -> Sample {
 struct Flaws {
     striped_sky: bool,
     reference_offset: [f64; 2],
+    is_hasty: bool,
+    /// Frames by which vectors, and cameras, are late.
+    motion_lag: i64,
+    camera_lag: i64,
 }
 
 fn dump(edit_frame: impl Fn(&mut Vec<Sample>), flaws: Flaws) -> TempDir {
     const N_FRAMES: i64 = 6;
     let folder = tempfile::tempdir().unwrap();
-    let [width, height] = PAN.size;
+    let scene = if flaws.is_hasty { &HASTY } else { &PAN };
+    let [width, height] = scene.size;
     let pixels = || (0..height).flat_map(move |y| (0..width).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]));
     let rgb = |colors: Vec<[f64; 3]>| {
         ["R", "G", "B"]
@@ -288,9 +302,19 @@ fn dump(edit_frame: impl Fn(&mut Vec<Sample>), flaws: Flaws) -> TempDir {
     let mut frames = Vec::new();
     for frame in 0..N_FRAMES {
         let jitter = jitter_px(frame);
-        let mut samples: Vec<Sample> = pixels()
-            .map(|[x, y]| sample(frame, [x + jitter[0], y + jitter[1]], flaws.striped_sky))
-            .collect();
+        let samples_of = |frame: i64| -> Vec<Sample> {
+            let [jx, jy] = jitter_px(frame);
+            let at = |[x, y]: [f64; 2]| sample(scene, frame, [x + jx, y + jy], flaws.striped_sky);
+            pixels().map(at).collect()
+        };
+        let mut samples = samples_of(frame);
+        if flaws.motion_lag != 0 {
+            let other = samples_of(frame - flaws.motion_lag);
+            samples
+                .iter_mut()
+                .zip(other)
+                .for_each(|(own, other)| own.motion_px = other.motion_px);
+        }
         edit_frame(&mut samples);
         let mut channels = rgb(samples.iter().map(|sample| sample.color).collect());
         let values = |value: fn(&Sample) -> f64| samples.iter().map(value).collect::<Vec<f64>>();
@@ -317,7 +341,7 @@ fn dump(edit_frame: impl Fn(&mut Vec<Sample>), flaws: Flaws) -> TempDir {
                         x + grid(i % 4) + flaws.reference_offset[0],
                         y + grid(i / 4) + flaws.reference_offset[1],
                     ];
-                    let color = sample(frame, at, flaws.striped_sky).color;
+                    let color = sample(scene, frame, at, flaws.striped_sky).color;
                     (0..3).for_each(|c| sum[c] += color[c] / 16.0);
                 }
                 sum
@@ -330,7 +354,9 @@ fn dump(edit_frame: impl Fn(&mut Vec<Sample>), flaws: Flaws) -> TempDir {
         write_exr(&folder.path().join(format!("r{frame}.exr")), PAN.size, &[part]).unwrap();
         frames.push(json!({
             "index": frame, "jitter": jitter,
-            "camera": {"view": PAN.view(frame), "projection": PAN.projection(), "near": NEAR, "far": FAR},
+            "camera": {
+                "view": scene.view(frame - flaws.camera_lag), "projection": scene.projection(), "near": NEAR, "far": FAR,
+            },
         }));
     }
     let manifest = json!({
@@ -408,6 +434,59 @@ fn motion_that_is_missing_is_seen() {
         .map(|finding| (finding.id.as_str(), finding.severity))
         .collect();
     assert_eq!(found, [("motion.sky", Severity::Note)]);
+}
+
+/// Where motion is steady, the next frame's would do as well.
+#[test]
+fn vectors_and_cameras_of_another_frame_are_seen() {
+    for (flaws, id, suggested) in [
+        (Flaws::default(), None, json!(null)),
+        (
+            Flaws {
+                motion_lag: 1,
+                ..Flaws::default()
+            },
+            Some("motion.path"),
+            json!("files of index +1"),
+        ),
+        (
+            Flaws {
+                motion_lag: -1,
+                ..Flaws::default()
+            },
+            Some("motion.path"),
+            json!("files of index -1"),
+        ),
+        (
+            Flaws {
+                camera_lag: 1,
+                ..Flaws::default()
+            },
+            Some("camera"),
+            json!("of frame index+1"),
+        ),
+        (
+            Flaws {
+                camera_lag: -1,
+                ..Flaws::default()
+            },
+            Some("camera"),
+            json!("of frame index-1"),
+        ),
+    ] {
+        let folder = dump(
+            |_| (),
+            Flaws {
+                is_hasty: true,
+                ..flaws
+            },
+        );
+        let report = checked(folder.path());
+        assert_eq!(warnings(&report), Vec::from_iter(id), "{:?}", report.findings);
+        if let Some(finding) = report.findings.first() {
+            assert_eq!(finding.suggestions[0].value, suggested);
+        }
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod bake;
 mod bench;
 mod blobs;
 mod check;
+mod check_baked;
 mod checkerboard;
 mod ci;
 mod cli;

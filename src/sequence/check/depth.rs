@@ -2,6 +2,8 @@
 
 mod cameras;
 mod derived;
+mod mistakes;
+mod readings;
 mod vectors;
 
 use super::{
@@ -38,7 +40,8 @@ struct Depths {
 }
 
 pub fn examine(belief: &mut Belief, report: &mut Report) -> Result<(), SequenceError> {
-    let Some(declared) = belief.manifest().depth.clone() else {
+    mistakes::shape(belief, report);
+    let Some(mut declared) = belief.manifest().depth.clone() else {
         return Ok(());
     };
     // Depths of all pairs are in memory at once.
@@ -53,7 +56,10 @@ pub fn examine(belief: &mut Belief, report: &mut Report) -> Result<(), SequenceE
         .map(|&index| Depths::load(belief, index))
         .collect::<Result<Vec<_>, SequenceError>>()?;
     let depths: Vec<Depths> = depths.into_iter().flatten().collect();
-    range(report, &declared, &depths);
+    if let Some(mended) = range(report, &declared, &depths) {
+        declared = mended.clone();
+        belief.change(|manifest| manifest.depth = Some(mended));
+    }
     let flipped = order(belief, report, &declared, &depths);
     if !flipped {
         cameras::examine(belief, report, &declared, &depths)?;
@@ -145,8 +151,8 @@ fn decoder<'a>(belief: &'a Belief, source: &DepthSource, index: usize) -> DepthD
     }
 }
 
-/// Values that the declared kind cannot have.
-fn range(report: &mut Report, declared: &DepthSource, depths: &[Depths]) {
+/// Values that the declared kind cannot have. Gives the reading that can have them, where there is one.
+fn range(report: &mut Report, declared: &DepthSource, depths: &[Depths]) -> Option<DepthSource> {
     let values = || {
         let all = depths.iter().flat_map(|depth| &depth.stored);
         all.map(|&stored| f64::from(stored) * declared.scale + declared.bias)
@@ -154,49 +160,74 @@ fn range(report: &mut Report, declared: &DepthSource, depths: &[Depths]) {
     };
     let n = values().count().max(1) as f64;
     let share = |outside: &dyn Fn(f64) -> bool| values().filter(|value| outside(*value)).count() as f64 / n;
+    let mut mended = declared.clone();
     match declared.kind {
         DepthKind::Device => {
             let outside = share(&|value| !(-1e-4..=1.0001).contains(&value));
             let signed = share(&|value| (-1.0001..-1e-4).contains(&value));
-            if outside > 0.01 {
-                let message = format!(
-                    "{:.0} % of the depths lie outside [0, 1], where device depth lies",
-                    100.0 * outside
-                );
-                let finding = Finding::warning("depth.kind", message).with("outside", outside);
-                report.findings.push(if share(&|value| value > 1.0001) > 0.01 {
-                    finding.suggest("depth.kind", "linear_view_z")
-                } else if signed > 0.01 {
-                    finding.suggest("depth.scale", 0.5).suggest("depth.bias", 0.5)
-                } else {
-                    finding
-                });
+            if outside <= 0.01 {
+                return None;
             }
+            let message = format!(
+                "{:.0} % of the depths lie outside [0, 1], where device depth lies",
+                100.0 * outside
+            );
+            let finding = Finding::warning("depth.kind", message).with("outside", outside);
+            if share(&|value| value > 1.0001) > 0.01 {
+                mended.kind = DepthKind::LinearViewZ;
+                report.findings.push(finding.suggest("depth.kind", "linear_view_z"));
+                return Some(mended);
+            }
+            if signed > 0.01 {
+                (mended.scale, mended.bias) = (0.5 * declared.scale, 0.5 * declared.bias + 0.5);
+                report.findings.push(
+                    finding
+                        .suggest("depth.scale", mended.scale)
+                        .suggest("depth.bias", mended.bias),
+                );
+                return Some(mended);
+            }
+            report.findings.push(finding);
         }
         DepthKind::LinearViewZ | DepthKind::RayDistance => {
             let behind = share(&|value| value <= 0.0);
             let below_one = share(&|value| (0.0..=1.0).contains(&value));
-            if behind > 0.01 && below_one < 0.999 {
+            if below_one >= 0.999 {
+                let message = "all depths lie in [0, 1]: this looks like device depth".to_owned();
+                let finding = Finding::warning("depth.kind", message).with("within_0_and_1", below_one);
+                report.findings.push(finding.suggest("depth.kind", "device"));
+                mended.kind = DepthKind::Device;
+                return Some(mended);
+            }
+            if behind > 0.01 {
                 let message = format!("{:.0} % of the depths are not above 0", 100.0 * behind);
                 report
                     .findings
                     .push(Finding::warning("depth.range", message).with("not_above_0", behind));
-            } else if below_one >= 0.999 {
-                let message = "all depths lie in [0, 1]: this looks like device depth".to_owned();
-                report
-                    .findings
-                    .push(Finding::warning("depth.kind", message).suggest("depth.kind", "device"));
             }
         }
     }
+    None
 }
 
 /// A surface that was hidden was hidden by something nearer, so the other order cannot be. Gives whether it is.
 fn order(belief: &mut Belief, report: &mut Report, declared: &DepthSource, depths: &[Depths]) -> bool {
-    let counts: Vec<[usize; 2]> = depths.par_iter().map(|depth| hidden(belief, declared, depth)).collect();
-    let [hidden, through] = [0, 1].map(|i| counts.iter().map(|count| count[i]).sum::<usize>());
+    let count = |source: &DepthSource| {
+        let counts: Vec<[usize; 2]> = depths.par_iter().map(|depth| hidden(belief, source, depth)).collect();
+        [0, 1].map(|i| counts.iter().map(|count| count[i]).sum::<usize>())
+    };
     let n_pixels: usize = depths.iter().map(|depth| depth.stored.len()).sum();
-    if hidden + through < MIN_PIXELS.max(n_pixels / 1000) {
+    let enough = MIN_PIXELS.max(n_pixels / 1000);
+    let [mut hidden, mut through] = count(declared);
+    if declared.kind == DepthKind::Device && hidden + through < enough {
+        // Read in the wrong order, nearly all of the range may be at one plane, where nothing is seen to differ.
+        let [nearer, farther] = count(&DepthSource {
+            reversed: !declared.reversed,
+            ..declared.clone()
+        });
+        (hidden, through) = (farther, nearer);
+    }
+    if hidden + through < enough {
         report.cannot_tell("depth.order", "too little is uncovered between frames");
         return false;
     }

@@ -104,6 +104,8 @@ fn total(tiles: &[Normal]) -> Normal {
 pub struct Errors {
     /// By tile, then explanation.
     tiles: Vec<Vec<f64>>,
+    /// How far what an explanation predicts is from what the first one predicts; summed over all, by explanation.
+    apart: Vec<f64>,
     n_samples: usize,
 }
 
@@ -123,8 +125,20 @@ impl Errors {
         self.n_samples += n_samples;
     }
 
+    /// The same, with the differences of what explanations predict from what the first one does.
+    pub fn push_apart(&mut self, sums: Vec<f64>, apart: &[f64], n_samples: usize) {
+        self.push(sums, n_samples);
+        self.add_apart(apart);
+    }
+
+    fn add_apart(&mut self, apart: &[f64]) {
+        self.apart.resize(self.apart.len().max(apart.len()), 0.0);
+        self.apart.iter_mut().zip(apart).for_each(|(sum, apart)| *sum += apart);
+    }
+
     /// Everything of `other` too.
     pub fn extend(&mut self, other: Self) {
+        self.add_apart(&other.apart);
         self.tiles.extend(other.tiles);
         self.n_samples += other.n_samples;
     }
@@ -153,6 +167,18 @@ impl Errors {
             } else {
                 0.0
             },
+        }
+    }
+
+    /// Of what an explanation and the first one predict differently, the share that speaks for the former: 1 where it always
+    /// hits, −1 where the first always does, about 0 where neither has to do with what is seen. Errors that both have in common
+    /// do not weigh here, however large.
+    pub fn verdict(&self, index: usize) -> f64 {
+        let apart = self.apart.get(index).copied().unwrap_or(0.0);
+        if apart > 0.0 {
+            (self.sum(0) - self.sum(index)) / apart
+        } else {
+            0.0
         }
     }
 

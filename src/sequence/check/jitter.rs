@@ -3,6 +3,10 @@
 //! A point sample of an edge and the box filter's ramp agree best, on average over all edges, where both mean the same
 //! position; so the shift of least squares is the jitter, in sign and size.
 
+mod readings;
+
+pub use readings::Reading;
+
 use super::{
     Belief,
     fit::{self, Shift},
@@ -10,15 +14,12 @@ use super::{
     report::{Finding, Report},
 };
 use crate::{
-    sequence::{
-        SequenceError,
-        convention::jitter_px,
-        manifest::{JitterConvention, JitterMeaning, JitterUnits, Manifest, YAxis},
-    },
+    sequence::{Manifest, SequenceError},
     statistics::median,
 };
 use rayon::prelude::*;
-use serde_json::{Value, json};
+use readings::{CANONICAL, readings, rescaled};
+use serde_json::json;
 
 /// Frames that are measured.
 const MAX_FRAMES: usize = 16;
@@ -42,152 +43,6 @@ pub struct Measured {
     pub index: usize,
     /// Where the samples lie, or between two frames by how much they moved.
     pub shift: Shift,
-}
-
-/// Another reading of the jitter.
-pub struct Reading {
-    /// Id of the finding.
-    pub id: &'static str,
-    /// What is wrong, to go after "the jitter".
-    pub says: &'static str,
-    convention: JitterConvention,
-    swapped: bool,
-    factor: [f64; 2],
-    lag: isize,
-    suggestions: Vec<(&'static str, Value)>,
-}
-
-impl Reading {
-    fn declared(convention: JitterConvention) -> Self {
-        Self {
-            id: "",
-            says: "",
-            convention,
-            swapped: false,
-            factor: [1.0; 2],
-            lag: 0,
-            suggestions: Vec::new(),
-        }
-    }
-
-    /// The jitter of a frame in pixels by this reading; none beyond the sequence.
-    pub fn jitter_px(&self, manifest: &Manifest, index: usize) -> Option<[f64; 2]> {
-        let entry = manifest.frames.get(index.checked_add_signed(self.lag)?)?;
-        let [x, y] = entry.jitter;
-        let stored = if self.swapped { [y, x] } else { [x, y] };
-        let [x, y] = jitter_px(self.convention, stored, manifest.render_size);
-        Some([x * self.factor[0], y * self.factor[1]])
-    }
-
-    fn is_possible(&self, manifest: &Manifest) -> bool {
-        (0..manifest.frames.len()).all(|index| {
-            let jitter = self.jitter_px(manifest, index);
-            jitter.is_none_or(|jitter| jitter.iter().all(|axis| axis.abs() <= 0.51))
-        })
-    }
-}
-
-/// Every reading that is looked at; the first is the one declared.
-pub fn readings(manifest: &Manifest) -> Vec<Reading> {
-    let declared = manifest.jitter.unwrap_or(JitterConvention {
-        units: JitterUnits::PixelsRender,
-        meaning: JitterMeaning::SampleOffset,
-        y: YAxis::Down,
-    });
-    let (meaning, meaning_name) = match declared.meaning {
-        JitterMeaning::SampleOffset => (JitterMeaning::ProjectionOffset, "projection_offset"),
-        JitterMeaning::ProjectionOffset => (JitterMeaning::SampleOffset, "sample_offset"),
-    };
-    let (y, y_name) = match declared.y {
-        YAxis::Down => (YAxis::Up, "up"),
-        YAxis::Up => (YAxis::Down, "down"),
-    };
-    let signs = [
-        ("", "", declared, Vec::new()),
-        (
-            "jitter.meaning",
-            "has the wrong sign",
-            JitterConvention { meaning, ..declared },
-            vec![("jitter.meaning", json!(meaning_name))],
-        ),
-        (
-            "jitter.y",
-            "has y flipped",
-            JitterConvention { y, ..declared },
-            vec![("jitter.y", json!(y_name))],
-        ),
-        (
-            "jitter.x",
-            "has x flipped",
-            JitterConvention { meaning, y, ..declared },
-            vec![("jitter.meaning", json!(meaning_name)), ("jitter.y", json!(y_name))],
-        ),
-    ];
-    let mut all = Vec::new();
-    for swapped in [false, true] {
-        for (id, says, convention, suggestions) in &signs {
-            let mut reading = Reading {
-                id,
-                says,
-                swapped,
-                suggestions: suggestions.clone(),
-                ..Reading::declared(*convention)
-            };
-            if swapped {
-                (reading.id, reading.says) = ("jitter.axes", "has x and y swapped");
-                reading.suggestions.push(("frames[].jitter", json!("[y, x]")));
-            }
-            all.push(reading);
-        }
-    }
-    all.extend(other_units(declared));
-    for (lag, says) in [(-1, "is that of the frame before"), (1, "is that of the frame after")] {
-        all.push(Reading {
-            id: "jitter.frame",
-            says,
-            lag,
-            suggestions: vec![("frames[].jitter", json!(format!("of frame index{lag:+}")))],
-            ..Reading::declared(declared)
-        });
-    }
-    // The one declared stays, so that it can be judged.
-    let mut first = true;
-    all.retain(|reading| std::mem::take(&mut first) || reading.is_possible(manifest));
-    all
-}
-
-/// Other units and sizes, each with both signs of y.
-fn other_units(declared: JitterConvention) -> Vec<Reading> {
-    let mut all = Vec::new();
-    for (units, name) in [
-        (JitterUnits::PixelsRender, "pixels_render"),
-        (JitterUnits::Uv, "uv"),
-        (JitterUnits::Ndc, "ndc"),
-    ] {
-        if units == declared.units {
-            continue;
-        }
-        all.push(Reading {
-            id: "jitter.units",
-            says: "has other units",
-            suggestions: vec![("jitter.units", json!(name))],
-            ..Reading::declared(JitterConvention { units, ..declared })
-        });
-    }
-    for factor in [0.5, 2.0] {
-        all.push(Reading {
-            id: "jitter.scale",
-            says: if factor < 1.0 {
-                "is twice what it should be"
-            } else {
-                "is half of what it should be"
-            },
-            factor: [factor; 2],
-            suggestions: vec![("frames[].jitter", json!(format!("times {factor}")))],
-            ..Reading::declared(declared)
-        });
-    }
-    all
 }
 
 /// Measures each frame against its guide.
@@ -298,7 +153,12 @@ impl Judged {
         expected: impl Fn(&Reading, &Manifest, usize) -> Option<[f64; 2]>,
         free_offset: bool,
     ) -> Self {
-        let readings = readings(manifest);
+        let mut readings = readings(manifest);
+        let pairs: Vec<[[f64; 2]; 2]> = measured
+            .iter()
+            .filter_map(|frame| Some([frame.shift.by, expected(&readings[0], manifest, frame.index)?]))
+            .collect();
+        readings.extend(rescaled(manifest, &pairs));
         let misfits: Vec<Misfit> = readings
             .iter()
             .map(|reading| misfit(measured, |index| expected(reading, manifest, index), free_offset))
@@ -348,10 +208,14 @@ impl Judged {
             .suggest("frames[].jitter", json!([0, 0]))
     }
 
-    fn missing(&self) -> Finding {
+    fn missing(&self, is_jittered: bool) -> Finding {
         let [x, y] = self.first.shift.by;
+        let declare = match is_jittered {
+            true => "all frames declare the same",
+            false => "no frame declares",
+        };
         let message = format!(
-            "no frame declares jitter, but samples move by {:.2} px from frame to frame; frame {} lies at ({x:.2}, {y:.2})",
+            "{declare} jitter, but samples move by {:.2} px from frame to frame; frame {} lies at ({x:.2}, {y:.2})",
             self.none.rms, self.first.index
         );
         self.warning("jitter.missing", message)
@@ -412,8 +276,9 @@ pub fn judge(
         report.cannot_tell("jitter", "fewer than three frames could be measured");
         return None;
     }
-    if !is_jittered {
-        report.findings.push(judged.missing());
+    if belief.sequence.jitter_px.windows(2).all(|pair| pair[0] == pair[1]) {
+        report.findings.retain(|finding| finding.id != "jitter.constant");
+        report.findings.push(judged.missing(is_jittered));
         return None;
     }
     if judged.none.rms <= judged.fits && judged.misfits[judged.best].rms > 0.5 * judged.none.rms {
@@ -461,29 +326,32 @@ fn confirm(report: &mut Report, readings: &[Reading], misfits: &[Misfit], fits: 
 }
 
 fn believe(belief: &mut Belief, reading: &Reading) {
-    let declared = belief.manifest().clone();
+    let manifest = belief.manifest();
+    let by_reading = (0..manifest.frames.len()).map(|index| reading.jitter_px(manifest, index).unwrap_or_default());
+    believe_px(belief, by_reading.collect());
+}
+
+fn believe_px(belief: &mut Belief, jitters_px: Vec<[f64; 2]>) {
     belief.change(|manifest| {
-        let by_reading: Vec<Option<[f64; 2]>> = (0..declared.frames.len())
-            .map(|index| reading.jitter_px(&declared, index))
-            .collect();
-        manifest.jitter = Some(JitterConvention {
-            units: JitterUnits::PixelsRender,
-            meaning: JitterMeaning::SampleOffset,
-            y: YAxis::Down,
-        });
-        for (frame, jitter) in manifest.frames.iter_mut().zip(by_reading) {
-            frame.jitter = jitter.unwrap_or_default();
+        manifest.jitter = Some(CANONICAL);
+        for (frame, jitter) in manifest.frames.iter_mut().zip(jitters_px) {
+            frame.jitter = jitter;
         }
     });
 }
 
-fn offset_finding(belief: &Belief, report: &mut Report, left_over: Misfit, measured: &[Measured]) {
+fn offset_finding(belief: &mut Belief, report: &mut Report, left_over: Misfit, measured: &[Measured]) {
     let offset = left_over.offset;
     let length = offset[0].hypot(offset[1]);
     // What thin things do to one frame is alike in all its tiles, and shows only between frames.
     let sigma = sigma(measured).max(left_over.rms) / (measured.len() as f64).sqrt();
     if length < OFFSET || length < 5.0 * sigma {
         report.confirm("grid");
+        return;
+    }
+    let mean = mean(&belief.sequence.jitter_px);
+    if (mean[0] + offset[0]).hypot(mean[1] + offset[1]) < 0.3 * length {
+        leaning(belief, report, offset, sigma);
         return;
     }
     let what = belief.guide.name();
@@ -505,12 +373,37 @@ fn offset_finding(belief: &Belief, report: &mut Report, left_over: Misfit, measu
     );
 }
 
+/// The finding of a jitter whose own mean is what lies between colour and reference.
+fn leaning(belief: &mut Belief, report: &mut Report, offset: [f64; 2], sigma: f64) {
+    let [x, y] = offset.map(|axis| -axis);
+    report.findings.retain(|finding| finding.id != "jitter.mean");
+    report.findings.push(
+        Finding::warning(
+            "jitter.offset",
+            format!("every jitter declared is ({x:.2}, {y:.2}) px more than where samples lie, as where 0 to 1 was not made -0.5 to 0.5"),
+        )
+        .with("offset_x_px", x)
+        .with("offset_y_px", y)
+        .with("sigma_px", sigma)
+        .suggest("frames[].jitter", json!(format!("minus ({x:.2}, {y:.2}) px"))),
+    );
+    let moved: Vec<[f64; 2]> = belief
+        .sequence
+        .jitter_px
+        .iter()
+        .map(|[jx, jy]| [jx - x, jy - y])
+        .collect();
+    believe_px(belief, moved);
+}
+
+fn mean(jitters: &[[f64; 2]]) -> [f64; 2] {
+    [0, 1].map(|axis| jitters.iter().map(|jitter| jitter[axis]).sum::<f64>() / jitters.len() as f64)
+}
+
 /// What the numbers alone say: a jitter that never changes, or that leans to one side.
 fn pattern(belief: &Belief, report: &mut Report) {
     let jitters = &belief.sequence.jitter_px;
-    let n = jitters.len() as f64;
-    let mean = |axis: usize| jitters.iter().map(|jitter| jitter[axis]).sum::<f64>() / n;
-    let mean = [mean(0), mean(1)];
+    let mean = mean(jitters);
     if jitters.len() < 8 || !belief.sequence.is_jittered() {
         return;
     }

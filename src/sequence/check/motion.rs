@@ -23,8 +23,12 @@ use serde_json::json;
 
 /// Pairs of frames that are compared.
 const MAX_PAIRS: usize = 8;
-/// A better reading takes away at least this share of the error, and is this many standard errors better.
-const MIN_SHARE: f64 = 0.04;
+/// As many, with a frame before and after, are enough without the others.
+const MIN_INNER: usize = 3;
+/// Of what two readings predict differently, at least so much more must speak for the better one than against it. The right reading
+/// has 0.25 to 1 over any wrong one, in sequences that are right and in those with a mistake.
+pub const MIN_VERDICT: f64 = 0.1;
+/// And it must be this many standard errors better.
 const MIN_Z: f64 = 3.5;
 /// Share of the error that vectors of another frame must take away: where motion is steady, they differ by little, and chance
 /// decides.
@@ -44,7 +48,15 @@ pub fn examine(belief: &mut Belief, report: &mut Report) -> Result<(), SequenceE
         );
         return Ok(());
     }
-    let frames = pairs(&belief.sequence, MAX_PAIRS);
+    let mut frames = pairs(&belief.sequence, MAX_PAIRS);
+    // Readings by another frame's vectors are as well off as all others only where both neighbours have vectors of the shot.
+    let is_inner = |index: usize| {
+        let resets = |index: usize| belief.manifest().frames.get(index).is_none_or(|frame| frame.reset);
+        index > 1 && !resets(index - 1) && !resets(index + 1)
+    };
+    if frames.iter().filter(|&&index| is_inner(index)).count() >= MIN_INNER {
+        frames.retain(|&index| is_inner(index));
+    }
     if frames.is_empty() {
         report.cannot_tell("motion", "no frame has a predecessor without a reset");
         return Ok(());
@@ -92,9 +104,9 @@ fn choose(belief: &mut Belief, report: &mut Report, readings: &[Reading], errors
     let against = belief.guide.name();
     let min_share = match readings.get(chosen) {
         Some(reading) if reading.lag != 0 => MIN_LAG_SHARE,
-        _ => MIN_SHARE,
+        _ => 0.0,
     };
-    if chosen != 0 && gain.share >= min_share && gain.z >= MIN_Z {
+    if chosen != 0 && gain.share >= min_share && errors.verdict(chosen) >= MIN_VERDICT && gain.z >= MIN_Z {
         let reading = &readings[chosen];
         for change in &reading.changes {
             let message = format!(
@@ -111,6 +123,7 @@ fn choose(belief: &mut Belief, report: &mut Report, readings: &[Reading], errors
                     .with("error_declared", declared_error)
                     .with("error_corrected", chosen_error)
                     .with("error_without_motion", still_error)
+                    .with("verdict", errors.verdict(chosen))
                     .with("z", gain.z)
                     .suggest(change.field, change.value.clone()),
             );
@@ -124,8 +137,8 @@ fn choose(belief: &mut Belief, report: &mut Report, readings: &[Reading], errors
         });
         return;
     }
-    let still = errors.gain(0, still);
-    if still.share >= MIN_SHARE && still.z >= MIN_Z {
+    let (still, verdict) = (errors.gain(0, still), errors.verdict(still));
+    if verdict >= MIN_VERDICT && still.z >= MIN_Z {
         report.findings.push(
             Finding::warning(
                 "motion.unexplained",
@@ -160,10 +173,7 @@ fn confirm(report: &mut Report, readings: &[Reading], errors: &Errors) {
         if others.peek().is_none() {
             continue;
         }
-        let worse = |index: usize| {
-            let gain = errors.gain(index, 0);
-            gain.share >= MIN_SHARE && gain.z >= MIN_Z
-        };
+        let worse = |index: usize| -errors.verdict(index) >= MIN_VERDICT && errors.gain(index, 0).z >= MIN_Z;
         if others.all(worse) {
             report.confirm(field);
         } else {

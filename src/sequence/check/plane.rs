@@ -98,7 +98,36 @@ impl Plane {
     }
 
     /// The Catmull-Rom spline through the pixels, and its slope along x and y; none within two pixels of the edge.
-    pub fn spline(&self, [x, y]: [f64; 2]) -> Option<(f64, [f64; 2])> {
+    pub fn spline(&self, position: [f64; 2]) -> Option<(f64, [f64; 2])> {
+        let Taps { corner, wx, wy, dx, dy } = self.taps(position)?;
+        let (mut value, mut slope) = (0.0, [0.0; 2]);
+        for row in 0..4 {
+            let pixels = self.row_of_four(corner, row);
+            let across = dot(wx, pixels);
+            value += wy[row] * across;
+            slope[0] += wy[row] * dot(dx, pixels);
+            slope[1] += dy[row] * across;
+        }
+        value.is_finite().then_some((value, slope))
+    }
+
+    /// The spline's value; near the edge bilinear.
+    pub fn value(&self, position: [f64; 2]) -> f64 {
+        let inside = self.taps(position).map(|taps| {
+            let rows = (0..4).map(|row| taps.wy[row] * dot(taps.wx, self.row_of_four(taps.corner, row)));
+            rows.sum::<f64>()
+        });
+        match inside {
+            Some(value) if value.is_finite() => value,
+            _ => self.bilinear(position),
+        }
+    }
+
+    fn row_of_four(&self, [left, top]: [usize; 2], row: usize) -> &[f32] {
+        &self.values[(top + row) * self.width + left..][..4]
+    }
+
+    fn taps(&self, [x, y]: [f64; 2]) -> Option<Taps> {
         let (x, y) = (x - 0.5, y - 0.5);
         let (left, top) = (x.floor(), y.floor());
         if !(left >= 1.0 && top >= 1.0 && left + 2.0 < self.width as f64 && top + 2.0 < self.height as f64) {
@@ -106,21 +135,27 @@ impl Plane {
         }
         let (wx, dx) = weights(x - left);
         let (wy, dy) = weights(y - top);
-        let (left, top) = (left as usize - 1, top as usize - 1);
-        let (mut value, mut slope) = (0.0, [0.0; 2]);
-        for row in 0..4 {
-            let pixels = &self.values[(top + row) * self.width + left..][..4];
-            let (mut across, mut slope_across) = (0.0, 0.0);
-            for column in 0..4 {
-                across += wx[column] * f64::from(pixels[column]);
-                slope_across += dx[column] * f64::from(pixels[column]);
-            }
-            value += wy[row] * across;
-            slope[0] += wy[row] * slope_across;
-            slope[1] += dy[row] * across;
-        }
-        value.is_finite().then_some((value, slope))
+        let corner = [left as usize - 1, top as usize - 1];
+        Some(Taps { corner, wx, wy, dx, dy })
     }
+}
+
+/// The 16 pixels around a position, and how much each counts.
+struct Taps {
+    corner: [usize; 2],
+    wx: [f64; 4],
+    wy: [f64; 4],
+    /// Derivatives of the weights.
+    dx: [f64; 4],
+    dy: [f64; 4],
+}
+
+fn dot(weights: [f64; 4], pixels: &[f32]) -> f64 {
+    weights
+        .iter()
+        .zip(pixels)
+        .map(|(weight, pixel)| weight * f64::from(*pixel))
+        .sum()
 }
 
 /// Catmull-Rom's weights at `t` between the second and the third of four pixels, and their derivatives.
@@ -139,14 +174,4 @@ fn weights(t: f64) -> ([f64; 4], [f64; 4]) {
             t * (-1.0 + 1.5 * t),
         ],
     )
-}
-
-impl Plane {
-    /// The spline's value; near the edge bilinear.
-    pub fn value(&self, position: [f64; 2]) -> f64 {
-        match self.spline(position) {
-            Some((value, _)) => value,
-            None => self.bilinear(position),
-        }
-    }
 }

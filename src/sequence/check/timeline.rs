@@ -3,7 +3,7 @@
 use super::{
     Belief,
     fit::Errors,
-    motion::Pair,
+    motion::{MIN_VERDICT, Pair},
     observe::{Grid, Guide, N_TILES, View, spread},
     report::{Finding, Report},
 };
@@ -131,7 +131,7 @@ pub fn reference_frame(belief: &Belief, report: &mut Report) -> Result<(), Seque
     let best = errors.best();
     let gain = errors.gain(0, best);
     let what = belief.guide.name();
-    if best != 0 && gain.share > 0.05 && gain.z > 4.0 {
+    if best != 0 && errors.verdict(best) >= MIN_VERDICT && gain.z > 4.0 {
         let (whose, by) = if best == 1 {
             ("the frame before", -1)
         } else {
@@ -159,25 +159,26 @@ fn against_others(belief: &Belief, index: usize, views: &[View; 3]) -> Errors {
     let grid = Grid::limited(&belief.sequence, index, 40_000);
     let [jx, jy] = belief.sequence.jitter_px[index];
     let [sx, sy] = views[0].scale;
-    let mut tiles = vec![(vec![0.0; 3], 0); N_TILES];
+    let mut tiles = vec![(vec![0.0; 3], vec![0.0; 3], 0); N_TILES];
     for [x, y] in grid.pixels() {
         let position = [(x as f64 + 0.5 + jx) * sx, (y as f64 + 0.5 + jy) * sy];
         let shown = views[0].input.at(x, y);
-        let others = views.each_ref().map(|view| {
-            view.guide
-                .as_ref()
-                .map_or(f64::NAN, |guide| (shown - guide.value(position)).abs())
-        });
-        if others.iter().all(|error| error.is_finite()) {
-            let (sums, n) = &mut tiles[grid.tile_of([x, y])];
-            sums.iter_mut().zip(others).for_each(|(sum, error)| *sum += error);
+        let others = views
+            .each_ref()
+            .map(|view| view.guide.as_ref().map_or(f64::NAN, |guide| guide.value(position)));
+        if shown.is_finite() && others.iter().all(|other| other.is_finite()) {
+            let (sums, aparts, n) = &mut tiles[grid.tile_of([x, y])];
+            for (i, other) in others.iter().enumerate() {
+                sums[i] += (shown - other).abs();
+                aparts[i] += (other - others[0]).abs();
+            }
             *n += 1;
         }
     }
     let mut errors = Errors::default();
     tiles
         .into_iter()
-        .filter(|(_, n)| *n > 0)
-        .for_each(|(sums, n)| errors.push(sums, n));
+        .filter(|(.., n)| *n > 0)
+        .for_each(|(sums, aparts, n)| errors.push_apart(sums, &aparts, n));
     errors
 }

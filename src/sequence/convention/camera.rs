@@ -65,6 +65,19 @@ impl Projector {
             .project(self.unproject(position_px, z))
             .map_or(DVec2::NAN, |previous_px| previous_px - position_px)
     }
+
+    /// One over the depth at which a resting surface seen at `position_px` would move by `motion_px` to where `previous` saw it,
+    /// by least squares over both axes. Says nothing where the camera only turned, which moves all depths alike.
+    pub fn inverse_depth(&self, previous: &Self, position_px: DVec2, motion_px: DVec2) -> f64 {
+        let origin = self.unproject(position_px, 0.0);
+        let far = previous.world_to_clip * (self.unproject(position_px, 1.0) - origin).extend(0.0);
+        let step = previous.world_to_clip * origin.extend(1.0);
+        // (far + q step) shows at this ndc: an equation for q along each axis.
+        let ndc = previous.ndc(position_px + motion_px);
+        let off = (ndc * far.w - DVec2::new(far.x, far.y)) * self.size_px;
+        let slope = (DVec2::new(step.x, step.y) - ndc * step.w) * self.size_px;
+        off.dot(slope) / slope.length_squared()
+    }
 }
 
 #[cfg(test)]
@@ -130,6 +143,18 @@ pub(super) mod tests {
         let current = Projector::new(&camera(0.0, 0.0), SIZE).unwrap();
         let previous = Projector::new(&camera(0.0, std::f64::consts::PI), SIZE).unwrap();
         assert!(current.motion_px(&previous, DVec2::new(32.0, 24.0), 5.0).is_nan());
+    }
+
+    #[test]
+    fn depth_follows_from_motion() {
+        let current = Projector::new(&camera(0.7, 0.3), SIZE).unwrap();
+        let previous = Projector::new(&camera(0.5, 0.28), SIZE).unwrap();
+        let position = DVec2::new(20.3, 11.8);
+        for z in [0.4, 3.0, 70.0] {
+            let motion = current.motion_px(&previous, position, z);
+            let found = 1.0 / current.inverse_depth(&previous, position, motion);
+            assert!((found / z - 1.0).abs() < 1e-6, "{found} is not {z}");
+        }
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Depth and cameras against the images, where the motion is made of both.
 
 use super::{
-    Depths,
-    cameras::{CameraMistake, Reading, camera_mistakes, changed_cameras, readings},
-    decoder,
+    Depths, decoder,
+    mistakes::{CameraMistake, mistakes},
+    readings::{Reading, kinds, steps},
 };
 use crate::sequence::{
     SequenceError,
@@ -25,15 +25,24 @@ pub fn examine(
     declared: &DepthSource,
     depths: &[Depths],
 ) -> Result<(), SequenceError> {
-    let readings: Vec<Reading> = readings(belief, declared)
+    let readings: Vec<Reading> = kinds(belief, declared)
         .into_iter()
+        .chain(steps(belief, declared))
         .enumerate()
         .filter(|(i, _)| i % 3 == 0 || *i < 8)
-        .map(|(_, r)| r)
+        .map(|(_, reading)| reading)
         .collect();
-    let cameras: Vec<(CameraMistake, Vec<Projector>)> = camera_mistakes()
+    let size = belief.manifest().render_size;
+    let cameras: Vec<(CameraMistake, Vec<Projector>)> = mistakes()
         .into_iter()
-        .filter_map(|mistake| Some((mistake, changed_cameras(belief, mistake.3)?)))
+        .filter_map(|mistake| {
+            let cameras = mistake.mended(belief.manifest())?;
+            let projectors = cameras
+                .iter()
+                .map(|camera| Projector::new(camera, size))
+                .collect::<Option<_>>()?;
+            Some((mistake, projectors))
+        })
         .collect();
     let errors = errors(belief, declared, depths, &readings, &cameras)?;
     // A near plane can stand for much; what comes first in the list is likelier.
@@ -65,9 +74,7 @@ pub fn examine(
         }
         finding
     } else {
-        let (matrix, says, value, _) = cameras[best - readings.len()].0;
-        Finding::warning("camera", format!("the cameras' {matrix} {says}: {numbers}"))
-            .suggest(format!("frames[].camera.{matrix}"), value)
+        cameras[best - readings.len()].0.finding(&numbers)
     };
     report.findings.push(
         finding

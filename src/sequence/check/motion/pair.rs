@@ -113,7 +113,7 @@ impl<'a> Pair<'a> {
     pub fn errors(&self, readings: &[Reading]) -> Errors {
         let grid = self.grid(MAX_SAMPLES);
         let n = readings.len() + 1;
-        let mut tiles = vec![(vec![0.0; n], 0); N_TILES];
+        let mut tiles = vec![(vec![0.0; n], vec![0.0; n], 0); N_TILES];
         let decoders: Vec<(MotionDecoder, &Reading)> = readings
             .iter()
             .map(|reading| {
@@ -130,24 +130,27 @@ impl<'a> Pair<'a> {
             if !shown.is_finite() || own.is_none_or(|own| own.iter().any(|axis| axis.is_nan())) {
                 continue;
             }
-            let (sums, n_samples) = &mut tiles[grid.tile_of(pixel)];
-            let error = |motion: [f64; 2]| {
-                let error = (shown - self.before().value(self.place(pixel, motion))).abs();
-                if error.is_nan() { 0.5 } else { error }
+            let (sums, aparts, n_samples) = &mut tiles[grid.tile_of(pixel)];
+            let predicted = |motion: [f64; 2]| self.before().value(self.place(pixel, motion));
+            let by_declared = predicted(own.unwrap_or_default());
+            let mut add = |i: usize, motion: [f64; 2]| {
+                let other = predicted(motion);
+                let (error, apart) = ((shown - other).abs(), (other - by_declared).abs());
+                sums[i] += if error.is_nan() { 0.5 } else { error };
+                aparts[i] += if apart.is_nan() { 0.5 } else { apart };
             };
-            for (sum, (decoder, reading)) in sums.iter_mut().zip(&decoders) {
+            for (index, (decoder, reading)) in decoders.iter().enumerate() {
                 // Where another frame's vector is none, this frame's tells nothing of it.
-                let motion = self.vector(decoder, reading, i).or(own);
-                *sum += error(motion.unwrap_or_default());
+                add(index, self.vector(decoder, reading, i).or(own).unwrap_or_default());
             }
-            sums[n - 1] += error([0.0; 2]);
+            add(n - 1, [0.0; 2]);
             *n_samples += 1;
         }
         let mut errors = Errors::default();
         tiles
             .into_iter()
-            .filter(|(_, n)| *n > 0)
-            .for_each(|(sums, n)| errors.push(sums, n));
+            .filter(|(.., n)| *n > 0)
+            .for_each(|(sums, aparts, n)| errors.push_apart(sums, &aparts, n));
         errors
     }
 
