@@ -78,7 +78,7 @@ impl Depths {
         let (Some(stored), Some(stored_before)) = (read(index)?, read(index - 1)?) else {
             return Ok(None);
         };
-        let motion = stored::motion_px(sequence, index)?;
+        let motion = belief.motion_px(index)?;
         Ok(Some(Self {
             index,
             size: sequence.render_size(),

@@ -99,14 +99,39 @@ fn total(tiles: &[Normal]) -> Normal {
     })
 }
 
+/// A difference of tone-mapped luma that is none, a step of eight bits. In a sky that hardly changes, the steps and the noise that
+/// images are stored with stay where they are whatever moves, and would speak for less motion.
+const SAME_VALUE: f64 = 1.0 / 255.0;
+/// Tiles that must differ for a gain to be certain: those that are missing count as no gain.
+const MIN_TILES: usize = 8;
+
 /// Sums of errors of several explanations of the same samples, a tile of a frame each.
 #[derive(Clone, Default)]
 pub struct Errors {
     /// By tile, then explanation.
     tiles: Vec<Vec<f64>>,
-    /// How far what an explanation predicts is from what the first one predicts; summed over all, by explanation.
-    apart: Vec<f64>,
+    /// By explanation, over all samples.
+    apart: Vec<Apart>,
     n_samples: usize,
+}
+
+/// How far what an explanation predicts is from what the first one predicts.
+#[derive(Clone, Copy, Default)]
+pub struct Apart {
+    sum: f64,
+    squares: f64,
+}
+
+impl Apart {
+    pub fn add(&mut self, apart: f64) {
+        self.sum += apart;
+        self.squares += apart * apart;
+    }
+
+    /// The difference where there is one: the mean, weighted by itself.
+    fn typical(self) -> f64 {
+        if self.sum > 0.0 { self.squares / self.sum } else { 0.0 }
+    }
 }
 
 /// How much better one explanation is than another.
@@ -126,14 +151,17 @@ impl Errors {
     }
 
     /// The same, with the differences of what explanations predict from what the first one does.
-    pub fn push_apart(&mut self, sums: Vec<f64>, apart: &[f64], n_samples: usize) {
+    pub fn push_apart(&mut self, sums: Vec<f64>, apart: &[Apart], n_samples: usize) {
         self.push(sums, n_samples);
         self.add_apart(apart);
     }
 
-    fn add_apart(&mut self, apart: &[f64]) {
-        self.apart.resize(self.apart.len().max(apart.len()), 0.0);
-        self.apart.iter_mut().zip(apart).for_each(|(sum, apart)| *sum += apart);
+    fn add_apart(&mut self, apart: &[Apart]) {
+        self.apart.resize(self.apart.len().max(apart.len()), Apart::default());
+        for (all, apart) in self.apart.iter_mut().zip(apart) {
+            all.sum += apart.sum;
+            all.squares += apart.squares;
+        }
     }
 
     /// Everything of `other` too.
@@ -152,13 +180,17 @@ impl Errors {
         self.tiles.iter().map(|tile| tile[index]).sum()
     }
 
-    /// What is gained by going from `from` to `to`.
+    /// What is gained by going from `from` to `to`. Tiles where both predict the same say nothing, and where few are left they are
+    /// too few to tell a gain from chance.
     pub fn gain(&self, from: usize, to: usize) -> Gain {
-        let differences: Vec<f64> = self.tiles.iter().map(|tile| tile[from] - tile[to]).collect();
-        let n = differences.len().max(2) as f64;
+        let all = self.tiles.iter().map(|tile| tile[from] - tile[to]);
+        let differences: Vec<f64> = all.filter(|difference| *difference != 0.0).collect();
+        let n = differences.len().max(MIN_TILES) as f64;
         let sum: f64 = differences.iter().sum();
         let mean = sum / n;
-        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let missing = n - differences.len() as f64;
+        let squares = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() + missing * mean * mean;
+        let variance = squares / (n - 1.0);
         let total = self.sum(from);
         Gain {
             share: if total > 0.0 { sum / total } else { 0.0 },
@@ -172,11 +204,11 @@ impl Errors {
 
     /// Of what an explanation and the first one predict differently, the share that speaks for the former: 1 where it always
     /// hits, −1 where the first always does, about 0 where neither has to do with what is seen. Errors that both have in common
-    /// do not weigh here, however large.
+    /// do not weigh here, however large. 0 as well where both predict nearly the same value.
     pub fn verdict(&self, index: usize) -> f64 {
-        let apart = self.apart.get(index).copied().unwrap_or(0.0);
-        if apart > 0.0 {
-            (self.sum(0) - self.sum(index)) / apart
+        let apart = self.apart.get(index).copied().unwrap_or_default();
+        if apart.typical() > SAME_VALUE {
+            (self.sum(0) - self.sum(index)) / apart.sum
         } else {
             0.0
         }

@@ -36,9 +36,9 @@ pub fn check(sequence: &Sequence) -> Result<Report, SequenceError> {
     jitter::examine(&mut belief, &mut report)?;
     timeline::reference_frame(&belief, &mut report)?;
     if report.findings.iter().any(|finding| finding.id == "reference.frame") {
-        report
-            .findings
-            .retain(|finding| !finding.id.starts_with("jitter.") && !finding.id.starts_with("grid."));
+        report.findings.retain(|finding| {
+            !["jitter.", "grid."].iter().any(|of| finding.id.starts_with(of)) && finding.id != "reference.color"
+        });
         report
             .confirmed
             .retain(|field| !field.starts_with("jitter") && field != "grid");

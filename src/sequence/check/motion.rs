@@ -129,6 +129,7 @@ fn choose(belief: &mut Belief, report: &mut Report, readings: &[Reading], errors
             );
         }
         let (source, swapped) = (reading.source.clone(), reading.swapped);
+        belief.motion_lag = reading.lag;
         belief.change(|manifest| {
             manifest.motion = Some(source);
             if let Some(motion) = manifest.motion.as_mut().filter(|_| swapped) {

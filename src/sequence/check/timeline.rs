@@ -2,7 +2,7 @@
 
 use super::{
     Belief,
-    fit::Errors,
+    fit::{Apart, Errors},
     motion::{MIN_VERDICT, Pair},
     observe::{Grid, Guide, N_TILES, View, spread},
     report::{Finding, Report},
@@ -22,6 +22,10 @@ fn unexplained(belief: &Belief, index: usize) -> Result<Option<f64>, SequenceErr
     let pair = Pair::load(belief, index)?;
     let grid = pair.grid(MAX_SAMPLES);
     let motion = pair.motion()?;
+    if motion.is_none() && belief.manifest().motion.is_some() {
+        // Its vectors are in a file beyond the sequence.
+        return Ok(None);
+    }
     let (width, height) = (grid.width, grid.height);
     let (mut error, mut unrelated) = (0.0, 0.0);
     for [x, y] in grid.pixels() {
@@ -159,7 +163,7 @@ fn against_others(belief: &Belief, index: usize, views: &[View; 3]) -> Errors {
     let grid = Grid::limited(&belief.sequence, index, 40_000);
     let [jx, jy] = belief.sequence.jitter_px[index];
     let [sx, sy] = views[0].scale;
-    let mut tiles = vec![(vec![0.0; 3], vec![0.0; 3], 0); N_TILES];
+    let mut tiles = vec![([0.0; 3], [Apart::default(); 3], 0); N_TILES];
     for [x, y] in grid.pixels() {
         let position = [(x as f64 + 0.5 + jx) * sx, (y as f64 + 0.5 + jy) * sy];
         let shown = views[0].input.at(x, y);
@@ -170,7 +174,7 @@ fn against_others(belief: &Belief, index: usize, views: &[View; 3]) -> Errors {
             let (sums, aparts, n) = &mut tiles[grid.tile_of([x, y])];
             for (i, other) in others.iter().enumerate() {
                 sums[i] += (shown - other).abs();
-                aparts[i] += (other - others[0]).abs();
+                aparts[i].add((other - others[0]).abs());
             }
             *n += 1;
         }
@@ -179,6 +183,6 @@ fn against_others(belief: &Belief, index: usize, views: &[View; 3]) -> Errors {
     tiles
         .into_iter()
         .filter(|(.., n)| *n > 0)
-        .for_each(|(sums, aparts, n)| errors.push_apart(sums, &aparts, n));
+        .for_each(|(sums, aparts, n)| errors.push_apart(sums.into(), &aparts, n));
     errors
 }

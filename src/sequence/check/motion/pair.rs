@@ -5,11 +5,10 @@ use crate::sequence::{
     SequenceError,
     check::{
         Belief,
-        fit::{self, Errors},
+        fit::{self, Apart, Errors},
         jitter::Measured,
         observe::{self, Grid, N_TILES, StoredMotion, View, motion_decoder},
         plane::Plane,
-        stored,
     },
     convention::MotionDecoder,
 };
@@ -89,7 +88,7 @@ impl<'a> Pair<'a> {
 
     /// The frame's motion as believed, in pixels.
     pub fn motion(&self) -> Result<Option<Vec<[f64; 2]>>, SequenceError> {
-        stored::motion_px(&self.belief.sequence, self.index)
+        self.belief.motion_px(self.index)
     }
 
     /// Whether a pixel's motion comes from depth and the cameras.
@@ -113,7 +112,7 @@ impl<'a> Pair<'a> {
     pub fn errors(&self, readings: &[Reading]) -> Errors {
         let grid = self.grid(MAX_SAMPLES);
         let n = readings.len() + 1;
-        let mut tiles = vec![(vec![0.0; n], vec![0.0; n], 0); N_TILES];
+        let mut tiles = vec![(vec![0.0; n], vec![Apart::default(); n], 0); N_TILES];
         let decoders: Vec<(MotionDecoder, &Reading)> = readings
             .iter()
             .map(|reading| {
@@ -137,7 +136,7 @@ impl<'a> Pair<'a> {
                 let other = predicted(motion);
                 let (error, apart) = ((shown - other).abs(), (other - by_declared).abs());
                 sums[i] += if error.is_nan() { 0.5 } else { error };
-                aparts[i] += if apart.is_nan() { 0.5 } else { apart };
+                aparts[i].add(if apart.is_nan() { 0.5 } else { apart });
             };
             for (index, (decoder, reading)) in decoders.iter().enumerate() {
                 // Where another frame's vector is none, this frame's tells nothing of it.
