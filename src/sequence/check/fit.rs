@@ -14,7 +14,7 @@ impl Normal {
     fn solve(self) -> Option<[f64; 2]> {
         let determinant = self.xx * self.yy - self.xy * self.xy;
         let trace = self.xx + self.yy;
-        // A hundredth: nearly all slopes point one way, and a shift across them is only guessed.
+        // Below that nearly all slopes point one way, and a shift across them is only guessed.
         (trace > 0.0 && determinant > 0.002 * trace * trace).then(|| {
             [
                 (self.yy * self.xe - self.xy * self.ye) / determinant,

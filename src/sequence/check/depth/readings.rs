@@ -30,52 +30,47 @@ pub struct Seen {
     pub far: f64,
 }
 
-/// The one declared, then other kinds and orders.
-pub fn kinds(belief: &Belief, declared: &DepthSource) -> Vec<Reading> {
-    let mut all = vec![Reading {
-        source: declared.clone(),
-        says: String::new(),
-        suggestions: Vec::new(),
-        is_fitted: false,
-    }];
-    let mut add = |says: String, suggestions: Vec<(&'static str, Value)>, edit: &dyn Fn(&mut DepthSource)| {
+impl Reading {
+    fn new(
+        declared: &DepthSource,
+        says: String,
+        suggestions: Vec<(&'static str, Value)>,
+        edit: impl FnOnce(&mut DepthSource),
+    ) -> Self {
         let mut source = declared.clone();
         edit(&mut source);
-        all.push(Reading {
+        Self {
             source,
             says,
             suggestions,
             is_fitted: false,
-        });
-    };
+        }
+    }
+}
+
+/// The one declared, then other kinds and orders.
+pub fn kinds(belief: &Belief, declared: &DepthSource) -> Vec<Reading> {
+    let mut all = vec![Reading::new(declared, String::new(), Vec::new(), |_| {})];
     for (kind, name) in [
         (DepthKind::LinearViewZ, "linear_view_z"),
         (DepthKind::RayDistance, "ray_distance"),
     ] {
         if declared.kind != kind {
-            add(
+            let suggestions = vec![("depth.kind", json!(name))];
+            all.push(Reading::new(
+                declared,
                 format!("looks like {name}"),
-                vec![("depth.kind", json!(name))],
-                &|source| {
-                    (source.kind, source.reversed) = (kind, false);
-                },
-            );
+                suggestions,
+                |source| (source.kind, source.reversed) = (kind, false),
+            ));
         }
     }
     let far = belief.manifest().frames[0].far(Some(declared));
-    let far_name = |far: FarPlane| match far {
-        FarPlane::At(far) => json!(far),
-        _ => json!("inf"),
-    };
+    let planes = [far, FarPlane::Infinite];
+    let n_planes = if far == FarPlane::Infinite { 1 } else { 2 };
     for reversed in [false, true] {
-        for plane in [far, FarPlane::Infinite] {
-            let is_declared = declared.kind == DepthKind::Device && declared.reversed == reversed && plane == far;
-            if is_declared
-                || (plane == FarPlane::Infinite
-                    && far != FarPlane::At(0.0)
-                    && far == FarPlane::Infinite
-                    && plane != far)
-            {
+        for &plane in &planes[..n_planes] {
+            if declared.kind == DepthKind::Device && declared.reversed == reversed && plane == far {
                 continue;
             }
             let mut suggestions = Vec::new();
@@ -86,16 +81,16 @@ pub fn kinds(belief: &Belief, declared: &DepthSource) -> Vec<Reading> {
                 suggestions.push(("depth.reversed", json!(reversed)));
             }
             if plane != far {
-                suggestions.push(("depth.far", far_name(plane)));
+                suggestions.push(("depth.far", json!("inf")));
             }
             let says = format!(
                 "looks like {}device depth{}",
                 if reversed { "reversed " } else { "" },
                 if plane == far { "" } else { " without a far plane" }
             );
-            add(says, suggestions, &|source| {
+            all.push(Reading::new(declared, says, suggestions, |source| {
                 (source.kind, source.reversed, source.far) = (DepthKind::Device, reversed, plane);
-            });
+            }));
         }
     }
     all
@@ -108,16 +103,6 @@ pub fn fitted(declared: &DepthSource, seen: &[Seen]) -> Vec<Reading> {
         Some(rounded(median(&values))).filter(|value| value.is_finite() && *value > 0.0)
     };
     let mut all = Vec::new();
-    let mut add = |says: String, suggestions: Vec<(&'static str, Value)>, edit: &dyn Fn(&mut DepthSource)| {
-        let mut source = declared.clone();
-        edit(&mut source);
-        all.push(Reading {
-            source,
-            says,
-            suggestions,
-            is_fitted: true,
-        });
-    };
     if declared.kind != DepthKind::Device {
         if let Some(factor) = fit(&|pixel| 1.0 / (pixel.inverse_depth * pixel.read)) {
             let [scale, bias] = [declared.scale, declared.bias].map(|value| rounded(value * factor));
@@ -125,8 +110,12 @@ pub fn fitted(declared: &DepthSource, seen: &[Seen]) -> Vec<Reading> {
             if bias != 0.0 {
                 suggestions.push(("depth.bias", json!(bias)));
             }
-            add(format!("looks {factor} times as far"), suggestions, &|source| {
-                (source.scale, source.bias) = (scale, bias);
+            let says = format!("looks {factor} times as far");
+            all.push(Reading {
+                is_fitted: true,
+                ..Reading::new(declared, says, suggestions, |source| {
+                    (source.scale, source.bias) = (scale, bias);
+                })
             });
         }
         return all;
@@ -143,9 +132,12 @@ pub fn fitted(declared: &DepthSource, seen: &[Seen]) -> Vec<Reading> {
                 suggestions.insert(0, ("depth.reversed", json!(reversed)));
             }
             let says = format!("looks like {order}device depth with its {plane} plane at {value}");
-            add(says, suggestions, &|source| {
-                source.reversed = reversed;
-                edit(source);
+            all.push(Reading {
+                is_fitted: true,
+                ..Reading::new(declared, says, suggestions, |source| {
+                    source.reversed = reversed;
+                    edit(source);
+                })
             });
         };
         if let Some(near) = near {
