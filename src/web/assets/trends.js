@@ -30,7 +30,6 @@ class Panel {
     Object.assign(this, { section, metric, unit, lines });
     this.box = section.querySelector(".chart");
     this.loaded = [];
-    this.marks = lines.length <= MAX_MARKED ? Promise.all(lines.map((line) => marks(line, metric))) : Promise.resolve([]);
     section.querySelector("details.rows").addEventListener("toggle", () => this.tabulate());
     this.offerDifferences();
   }
@@ -47,8 +46,10 @@ class Panel {
     this.draw();
     this.box.dataset.ms = (performance.now() - before).toFixed(0);
     this.box.dataset.points = loaded.reduce((sum, { nPoints }) => sum + nPoints, 0);
-    this.addMarks(await this.marks);
     this.tabulate();
+    // To find the changes takes the server far longer than the points: these are drawn first.
+    this.marks ??= this.lines.length <= MAX_MARKED ? Promise.all(this.lines.map((line) => marks(line, this.metric))) : [];
+    this.addMarks(await this.marks);
   }
 
   draw() {
