@@ -317,6 +317,8 @@ class Cell(TypedDict):
     max_error_ulps: "Value"
     #: Frames that ran.
     n_frames: int
+    #: The frames of its picture, in the order of the rows: the first, the worst with those beside it, the last.
+    pictured: List[int]
     #: Of stored history.
     precision: "Precision"
     #: Why, in words.
@@ -2095,7 +2097,7 @@ class Client:
         return self._request('GET', f"/stress/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
 
     def get_cell_image(self, job: int, picture: str) -> bytes:
-        """A cell's worst frame: adapter, twin, and their difference
+        """A cell's frames, a row each: adapter, twin, and their difference
 
         job: Number.
         picture: A cell's index in the matrix, from 0, with `.png`."""

@@ -15,7 +15,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use std::{
     collections::BTreeMap,
-    fs,
+    env, fs,
     path::{Path, PathBuf},
     sync::Mutex,
 };
@@ -70,7 +70,7 @@ pub struct Arguments {
     /// Write the matrix as Markdown to a file, or to standard output for `-`
     #[arg(long, value_name = "FILE")]
     markdown: Option<JsonTarget>,
-    /// Write the worst frame of each cell as DIR/HAZARD/PRESET-PRECISION.png: adapter, twin, difference
+    /// Write the worst frame of each cell and those around it as DIR/HAZARD/PRESET-PRECISION.png: adapter, twin, difference
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
     /// List the hazards and what they do, and run nothing
@@ -105,6 +105,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     }
     let spec = arguments.spec()?;
     stress::validate(&spec)?;
+    if spec.size.is_none() {
+        without_threads_of_lavapipe()?;
+    }
     let wanted: Vec<_> = match arguments.adapter.as_slice() {
         [] => vec![None],
         names => names.iter().map(|name| Some(name.as_str())).collect(),
@@ -127,6 +130,21 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     let failed = reports.iter().flat_map(|report| &report.cells);
     Ok(!failed.into_iter().any(|cell| cell.verdict == Verdict::Fails))
 }
+
+/// Cells run side by side, so threads of lavapipe's own only cost: at every dispatch they wait for each other, which takes longer
+/// than the few hundred pixels of a hazard. Their number is read as the driver is loaded, so the command begins anew with it.
+fn without_threads_of_lavapipe() -> anyhow::Result<()> {
+    #[cfg(unix)]
+    if env::var_os(LAVAPIPE_THREADS).is_none() {
+        use std::os::unix::process::CommandExt;
+        let mut anew = std::process::Command::new(env::current_exe()?);
+        let failed = anew.args(env::args_os().skip(1)).env(LAVAPIPE_THREADS, "0").exec();
+        return Err(failed).context("cannot begin anew with lavapipe's threads off");
+    }
+    Ok(())
+}
+
+const LAVAPIPE_THREADS: &str = "LP_NUM_THREADS";
 
 impl Arguments {
     fn spec(&self) -> anyhow::Result<StressSpec> {
@@ -183,7 +201,7 @@ impl Arguments {
             screen_is_taken |= JsonTarget::takes_stdout(Some(target));
         }
         if let Some(target) = &self.markdown {
-            let arguments = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+            let arguments = env::args().skip(1).collect::<Vec<_>>().join(" ");
             target.write_text(&stress::markdown(reports, &format!("afterimage {arguments}")))?;
             screen_is_taken |= JsonTarget::takes_stdout(Some(target));
         }

@@ -2,7 +2,7 @@
 
 use super::{GpuError, Workgroup, pass::Variant, workgroup};
 use crate::run::report::AdapterInfo;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// An adapter with its device and queue. Open one a process: lavapipe keeps what a closed device held.
 #[derive(Debug)]
@@ -11,6 +11,8 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// Takes commands.
     pub queue: wgpu::Queue,
+    adapter: wgpu::Adapter,
+    second: Arc<OnceLock<(wgpu::Device, wgpu::Queue)>>,
     info: wgpu::AdapterInfo,
     pub(super) variant: Variant,
     workgroup: Workgroup,
@@ -49,22 +51,7 @@ impl Gpu {
 
     fn open_device(adapter: wgpu::Adapter) -> Result<Self, GpuError> {
         let info = adapter.get_info();
-        let unsupported = |message: String| GpuError::Unsupported {
-            adapter: info.name.clone(),
-            message,
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-            label: Some("afterimage"),
-            // Times are left out of the report where the adapter has no timestamps; scenes with transparent layers are
-            // refused where it cannot blend 32-bit floats.
-            required_features: adapter.features()
-                & (wgpu::Features::TIMESTAMP_QUERY
-                    | wgpu::Features::FLOAT32_BLENDABLE
-                    | wgpu::Features::FLOAT32_FILTERABLE),
-            required_limits: adapter.limits(),
-            ..Default::default()
-        }))
-        .map_err(|error| unsupported(error.to_string()))?;
+        let (device, queue) = request(&adapter)?;
         // On a CPU a row: its lanes then read neighbouring texels.
         let untuned = match info.device_type {
             wgpu::DeviceType::Cpu => Workgroup::new(64, 1),
@@ -74,8 +61,35 @@ impl Gpu {
             workgroup: workgroup::tuned(&describe(&info)).unwrap_or(untuned),
             device,
             queue,
+            adapter,
+            second: Arc::default(),
             info,
             variant: Variant::default(),
+        })
+    }
+
+    /// Another device of the same adapter, opened once: a CPU adapter does the work of a device on one thread.
+    ///
+    /// # Errors
+    /// What the driver says.
+    pub fn second(&self) -> Result<Self, GpuError> {
+        let (device, queue) = match self.second.get() {
+            Some(known) => known.clone(),
+            None => {
+                let opened = request(&self.adapter)?;
+                self.second.get_or_init(|| opened).clone()
+            }
+        };
+        let variant = Variant {
+            workgroup: self.variant.workgroup,
+            workgroup_memory: self.variant.workgroup_memory,
+            // Pipelines belong to a device.
+            cache: None,
+        };
+        Ok(Self {
+            device,
+            queue,
+            ..self.with(variant)
         })
     }
 
@@ -115,6 +129,8 @@ impl Gpu {
         Self {
             device: self.device.clone(),
             queue: self.queue.clone(),
+            adapter: self.adapter.clone(),
+            second: Arc::clone(&self.second),
             info: self.info.clone(),
             variant,
             workgroup: self.workgroup,
@@ -172,6 +188,24 @@ impl Gpu {
                 message: error.to_string(),
             })
     }
+}
+
+fn request(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), GpuError> {
+    let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+        label: Some("afterimage"),
+        // Times are left out of the report where the adapter has no timestamps; scenes with transparent layers are
+        // refused where it cannot blend 32-bit floats.
+        required_features: adapter.features()
+            & (wgpu::Features::TIMESTAMP_QUERY
+                | wgpu::Features::FLOAT32_BLENDABLE
+                | wgpu::Features::FLOAT32_FILTERABLE),
+        required_limits: adapter.limits(),
+        ..Default::default()
+    }));
+    opened.map_err(|error| GpuError::Unsupported {
+        adapter: adapter.get_info().name,
+        message: error.to_string(),
+    })
 }
 
 fn instance() -> wgpu::Instance {

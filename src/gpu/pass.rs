@@ -268,17 +268,15 @@ impl<'a> Invocation<'a> {
 /// A pass with everything bound, to be recorded any number of times whatever becomes of what it was made from.
 #[derive(Clone, Debug)]
 pub struct Kept {
-    label: String,
     pipeline: wgpu::ComputePipeline,
     bind_group: wgpu::BindGroup,
     workgroups: Workgroups,
 }
 
 impl Kept {
-    /// Records the pass, untimed.
-    pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
-        self.workgroups
-            .dispatch(encoder, &self.label, &self.pipeline, &self.bind_group, None);
+    /// Records it into a pass that others may share.
+    pub fn record(&self, compute: &mut wgpu::ComputePass<'_>) {
+        self.workgroups.dispatch(compute, &self.pipeline, &self.bind_group);
     }
 }
 
@@ -302,7 +300,6 @@ impl<'a> Dispatch<'a> {
     /// The same, to be kept.
     pub fn keep(&self) -> Kept {
         Kept {
-            label: self.pass.label.clone(),
             pipeline: self.pass.pipeline.clone(),
             bind_group: self.bind_group.clone(),
             workgroups: self.workgroups.clone(),
@@ -358,24 +355,21 @@ impl<'a> Dispatch<'a> {
         timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
         workgroups: &Workgroups,
     ) {
-        let Pass { label, pipeline, .. } = self.pass;
-        workgroups.dispatch(encoder, label, pipeline, &self.bind_group, timestamps);
+        let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(&self.pass.label),
+            timestamp_writes: timestamps,
+        });
+        workgroups.dispatch(&mut compute, &self.pass.pipeline, &self.bind_group);
     }
 }
 
 impl Workgroups {
     fn dispatch(
         &self,
-        encoder: &mut wgpu::CommandEncoder,
-        label: &str,
+        compute: &mut wgpu::ComputePass<'_>,
         pipeline: &wgpu::ComputePipeline,
         bind_group: &wgpu::BindGroup,
-        timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
-        let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(label),
-            timestamp_writes: timestamps,
-        });
         compute.set_pipeline(pipeline);
         compute.set_bind_group(0, bind_group, &[]);
         match self {

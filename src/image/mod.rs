@@ -80,13 +80,15 @@ impl<T: Copy + Send + Sync> Image<T> {
         Self { extent, pixels }
     }
 
-    /// Computes every pixel from its coordinates, rows in parallel.
+    /// Computes every pixel from its coordinates, many rows in parallel.
     pub fn from_fn(extent: Extent, f: impl Fn(u32, u32) -> T + Sync) -> Self {
+        // To wake a thread costs as much as some hundred pixels.
+        const MIN_SHARE: usize = 256;
         let width = extent.width as usize;
         let mut pixels = Vec::with_capacity(extent.n_pixels());
         (0..extent.n_pixels())
             .into_par_iter()
-            .with_min_len(width.max(1))
+            .with_min_len(MIN_SHARE)
             .map(|i| f((i % width) as u32, (i / width) as u32))
             .collect_into_vec(&mut pixels);
         Self { extent, pixels }

@@ -97,7 +97,7 @@ pub async fn find(service: &Service, job_id: i64) -> Result<(StressRun, Vec<Cell
     Ok((run, service.store.stress_cells(job_id).await?))
 }
 
-/// `GET /stress/{job}/cells/{picture}`, the index of a cell with `.png`: the adapter, the twin, and their difference, in the worst frame.
+/// `GET /stress/{job}/cells/{picture}`, the index of a cell with `.png`: the adapter, the twin, and their difference, a row a frame of `pictured`.
 pub async fn picture(
     State(service): Shared,
     ApiPath((job_id, file)): ApiPath<(i64, String)>,

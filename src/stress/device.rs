@@ -78,6 +78,12 @@ impl Device<'_> {
                 gpu.wait(submission)?;
                 all.push(copy.read(&resolver)?);
             }
+            if segment.has_settled(all.len(), |a, b| all[a].keeps_the_bits_of(&all[b])) {
+                break;
+            }
+        }
+        for index in all.len()..segment.n_frames {
+            all.push(all[index - 2].clone());
         }
         Ok(all)
     }

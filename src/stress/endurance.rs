@@ -1,14 +1,15 @@
-//! Very many frames that repeat: recorded once and submitted by the thousand, and compared with the twin now and then.
+//! Very many frames that repeat: recorded once and submitted by the hundred, and compared with the twin now and then.
 //!
 //! The twin does not follow the whole image. Where nothing moves, what a pixel becomes depends on its own past and on the
 //! current colours around it; a piece of the image with a margin as wide as that gives the same pixels as the whole
 //! (`amortized` alone looks at its neighbours' past: there the margin is wide, and the piece an approximation). And what is
-//! deterministic and comes back to a state it was in will go on as it did: the twin, and the adapter unless it is told to do
-//! every frame, stop there.
+//! deterministic and comes back to a state it was in will go on as it did: the twin stops there, and so does the adapter unless
+//! it is told to do every frame. The twin's last digits may take several periods to come back.
 
 use super::{
     device::{Device, Left, OnItsWay},
     difference::{self, Bias, Difference, Measure},
+    pictures::{Picture, Pictures},
     scenario::{Segment, as_loaded},
 };
 use crate::{
@@ -17,6 +18,7 @@ use crate::{
     sequence::{Frame, frame::Rgb},
     taa::{Precision, Recipe, Repeat, Step, recipe::Weight, reference::Twin},
 };
+use std::collections::VecDeque;
 
 /// What a long run showed.
 #[derive(Debug, Default)]
@@ -31,12 +33,22 @@ pub struct Endured {
     /// From which frame on the adapter's state repeats.
     pub repeats_from: Option<usize>,
     pub n_frames: usize,
-    /// The last: the adapter's piece, and the twin's.
-    pub last: Option<(Image<Rgb>, Image<Rgb>)>,
+    /// Of each frame looked at: the adapter's piece, and the twin's.
+    pieces: Vec<Picture>,
+}
+
+impl Endured {
+    /// The worst frame of those looked at, with the others to compare it with.
+    pub fn pictures(&self) -> Option<Pictures> {
+        let errors = self.errors.iter().enumerate();
+        let (worst, (_, error)) = errors.max_by(|(_, (_, a)), (_, (_, b))| a.max.total_cmp(&b.max))?;
+        let picture = |index: usize| self.pieces[index].clone();
+        Some(Pictures::around(error.worst, worst, self.pieces.len(), picture))
+    }
 }
 
 /// Frames in one submission.
-const BATCH: usize = 1024;
+const BATCH: usize = 128;
 
 pub fn endure(device: Device<'_>, segment: &Segment, period: usize, every_frame: bool) -> Result<Endured, GpuError> {
     let period = if period.is_multiple_of(2) { period } else { 2 * period };
@@ -44,39 +56,51 @@ pub fn endure(device: Device<'_>, segment: &Segment, period: usize, every_frame:
     let piece = Piece::of(segment, device.recipe);
     let mut twins = Twins::new(device, segment, &piece, period);
     let mut endured = Endured::default();
-    let mut before: Option<Left> = None;
-    for frame in checkpoints(segment.n_frames, period) {
+    let mut before: Option<(usize, Left)> = None;
+    let mut goes_round = false;
+    let mut frames = checkpoints(segment.n_frames, period);
+    while let Some(frame) = frames.pop_front() {
         let left = run.go_to(frame)?;
         twins.go_to(frame);
         endured.n_frames = frame + 1;
         if let Some(message) = difference::disorder(&left) {
             endured.disorder = Some((frame, message));
-            break;
+            return Ok(endured);
         }
         piece.compare(device, &left, &twins, frame, &mut endured);
-        if before.as_ref().is_some_and(|before| before.keeps_the_bits_of(&left)) {
-            endured.repeats_from.get_or_insert(frame);
-            if !every_frame && twins.repeat() {
-                endured.n_frames = segment.n_frames;
-                break;
-            }
+        if endured.repeats_from.is_none()
+            && let Some((earlier, before)) = before
+            && before.keeps_the_bits_of(&left)
+        {
+            endured.repeats_from = Some(frame);
+            run.cycle = (!every_frame).then_some(frame - earlier);
         }
-        before = Some(left);
+        if let (Some(_), Some(cycle)) = (run.cycle, twins.cycle())
+            && !goes_round
+        {
+            // What goes round in several periods is looked at once around.
+            goes_round = true;
+            frames = (1..cycle).map(|n| frame + n * period).collect();
+        }
+        before = Some((frame, left));
+    }
+    if goes_round {
+        endured.n_frames = segment.n_frames;
     }
     Ok(endured)
 }
 
 /// Frames to look at: whole periods, dense at first.
-fn checkpoints(n_frames: usize, period: usize) -> Vec<usize> {
+fn checkpoints(n_frames: usize, period: usize) -> VecDeque<usize> {
     let last = n_frames.saturating_sub(1) / period;
-    let mut at = Vec::new();
+    let mut at = VecDeque::new();
     let mut n = 1;
     while n <= last {
-        at.push(n * period);
+        at.push_back(n * period);
         n += (n / 4).clamp(1, (last / 40).max(1));
     }
-    if at.last().is_none_or(|end| *end < last * period) && last > 0 {
-        at.push(last * period);
+    if at.back().is_none_or(|end| *end < last * period) && last > 0 {
+        at.push_back(last * period);
     }
     at
 }
@@ -89,6 +113,8 @@ struct Run<'a> {
     steps: Vec<Vec<Step>>,
     pool: ReadbackPool,
     frame: usize,
+    /// After how many frames it is known to come back to the same state.
+    cycle: Option<usize>,
 }
 
 impl<'a> Run<'a> {
@@ -125,20 +151,24 @@ impl<'a> Run<'a> {
             steps,
             pool: ReadbackPool::default(),
             frame: 0,
+            cycle: None,
         })
     }
 
     /// What is left after `frame`, which ends a period.
     fn go_to(&mut self, frame: usize) -> Result<Left, GpuError> {
         let gpu = self.device.gpu;
+        if let Some(cycle) = self.cycle {
+            // Whole rounds change nothing.
+            self.frame = frame - (frame - self.frame) % cycle;
+        }
         let mut on_its_way = None;
         while self.frame < frame {
             let mut encoder = self.device.encoder();
-            for _ in 0..BATCH.min(frame - self.frame) {
-                let place = self.frame % self.steps.len();
-                self.steps[place].iter().for_each(|step| step.record(&mut encoder));
-                self.frame += 1;
-            }
+            let next = self.frame..frame.min(self.frame + BATCH);
+            self.frame = next.end;
+            let steps = next.flat_map(|index| &self.steps[index % self.steps.len()]);
+            Step::record_all(steps, &mut encoder);
             let submitted = gpu.scope("submitting frames", || gpu.queue.submit([encoder.finish()]))?;
             // One runs while the next is recorded.
             if let Some(before) = on_its_way.replace(submitted) {
@@ -258,10 +288,11 @@ impl Piece {
             let kept = self.cut_output(kept, 4);
             endured.bias.add(&kept, history, |i| self.is_inner(i));
         }
-        endured.last = Some((
-            Image::from_pixels(extent, found),
-            twins.exact.shown.map(|c| c.map(|c| c as f32)),
-        ));
+        endured.pieces.push(Picture {
+            frame,
+            found: Image::from_pixels(extent, found),
+            expected: twins.exact.shown.map(|c| c.map(|c| c as f32)),
+        });
     }
 }
 
@@ -279,9 +310,10 @@ struct Twins<'a> {
 struct Followed {
     twin: Twin<f64>,
     shown: Image<[f64; 3]>,
-    /// A period ago.
-    before: Option<Twin<f64>>,
-    repeats: bool,
+    /// An earlier state, with the number of periods that it was after.
+    earlier: Option<(usize, Twin<f64>)>,
+    /// In how many periods it comes back to the same state, once that is known.
+    cycle: Option<usize>,
 }
 
 impl<'a> Twins<'a> {
@@ -289,8 +321,8 @@ impl<'a> Twins<'a> {
         let followed = |precision| Followed {
             twin: Twin::new(device.recipe.clone(), precision),
             shown: Image::filled(Extent::new(0, 0), [0.0; 3]),
-            before: None,
-            repeats: false,
+            earlier: None,
+            cycle: None,
         };
         let mut twins = Self {
             segment,
@@ -312,10 +344,6 @@ impl<'a> Twins<'a> {
     }
 
     fn go_to(&mut self, frame: usize) {
-        if self.repeat() {
-            self.frame = frame;
-            return;
-        }
         let inputs: Vec<_> = (1..=self.period).map(|place| self.input(place)).collect();
         let start = self.frame;
         let is_exact = self.recipe.precision(self.rounded.twin.precision()) == Precision::F32;
@@ -323,34 +351,47 @@ impl<'a> Twins<'a> {
         if is_exact {
             self.rounded.shown = self.exact.shown.clone();
             self.rounded.twin = self.exact.twin.clone();
-            self.rounded.repeats = self.exact.repeats;
+            self.rounded.cycle = self.exact.cycle;
         } else {
             self.rounded.follow(&inputs, start, frame);
         }
         self.frame = frame;
     }
 
-    /// Whether both will go on as they do.
-    fn repeat(&self) -> bool {
-        self.rounded.repeats && self.exact.repeats
+    /// The longer cycle, in periods, once both have come back to a state that they were in.
+    fn cycle(&self) -> Option<usize> {
+        Some(self.rounded.cycle?.max(self.exact.cycle?))
     }
 }
 
 impl Followed {
     fn follow(&mut self, inputs: &[Frame], from: usize, to: usize) {
-        for index in from..to {
-            if self.repeats {
-                return;
+        let period = inputs.len();
+        let mut index = from;
+        while index < to {
+            if let Some(cycle) = self.cycle
+                && to - index >= cycle * period
+            {
+                // Whole rounds change nothing.
+                index += (to - index) / (cycle * period) * (cycle * period);
+                continue;
             }
-            let place = index % inputs.len();
-            if place == 0 {
-                self.before = Some(self.twin.clone());
+            self.shown = self.twin.resolve(&inputs[index % period]).shown;
+            index += 1;
+            if self.cycle.is_none() && index.is_multiple_of(period) {
+                self.look_for_cycle(index / period);
             }
-            self.shown = self.twin.resolve(&inputs[place]).shown;
-            if place + 1 == inputs.len() {
-                let before = self.before.take();
-                self.repeats = before.is_some_and(|before| before.is_in_the_state_of(&self.twin));
-            }
+        }
+    }
+
+    /// Brent's: the state is held against one that is replaced after 1, 2, 4, … periods, so that a cycle of any length is found.
+    fn look_for_cycle(&mut self, n_periods: usize) {
+        if let Some((earlier, twin)) = &self.earlier
+            && twin.is_in_the_state_of(&self.twin)
+        {
+            self.cycle = Some(n_periods - earlier);
+        } else if n_periods.is_power_of_two() {
+            self.earlier = Some((n_periods, self.twin.clone()));
         }
     }
 }

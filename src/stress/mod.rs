@@ -40,7 +40,13 @@ use report::{Cell, StressReport, Verdict};
 use scenario::{Asks, NotRun, Scenario, Segment, Setup};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::{
+    cmp::Reverse,
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering::Relaxed},
+    },
+};
 
 /// Which cells to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -84,7 +90,7 @@ impl Default for StressSpec {
 
 /// Watches a run from outside. Called from many threads.
 pub trait Observer: Sync {
-    /// A cell is done; `n_done` of `n_total` are. The pictures are of its worst frame; none where nothing ran.
+    /// A cell is done; `n_done` of `n_total` are. No pictures where nothing ran.
     fn cell(&self, index: usize, cell: &Cell, pictures: Option<&Pictures>, n_done: usize, n_total: usize);
     /// Asked between cells; `true` ends the run with [`RunError::Cancelled`].
     fn cancelled(&self) -> bool;
@@ -106,6 +112,9 @@ struct System {
 /// The most pixels of a frame; with them most frames, so that no request fills the memory.
 const MAX_SIDE: u32 = 16384;
 const MAX_FRAMES: usize = 10_000_000;
+
+/// Cells that run at once, for every thread of the host: most of the time one waits for the adapter.
+const THREADS_PER_CPU: usize = 2;
 
 /// Checks everything that can be known before a run.
 pub fn validate(spec: &StressSpec) -> Result<(), RunError> {
@@ -199,12 +208,7 @@ pub fn execute_with_fault(
     fault: Option<Fault<'_>>,
 ) -> Result<StressReport, RunError> {
     let (systems, hazards) = plan(spec)?;
-    // Hazards share recipes, and recipes passes.
-    let gpu = gpu.with(Variant {
-        workgroup: gpu.variant().workgroup,
-        workgroup_memory: gpu.variant().workgroup_memory,
-        cache: Some(Default::default()),
-    });
+    let devices = Devices::of(gpu)?;
     let mut planned = Vec::new();
     for hazard in hazards {
         for system in &systems {
@@ -215,6 +219,10 @@ pub fn execute_with_fault(
             }));
         }
     }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(THREADS_PER_CPU * rayon::current_num_threads())
+        .build()
+        .expect("a few threads can be had");
     let n_done = AtomicUsize::new(0);
     let n_total = planned.len();
     let n_precisions = spec.precisions.len();
@@ -228,28 +236,69 @@ pub fn execute_with_fault(
             let known = ran.iter().find(|(known, ..)| *known == precision).cloned();
             let (mut cell, pictures) = match known {
                 Some((_, cell, pictures)) => (cell, pictures),
-                None => planned.run(spec, &gpu, fault)?,
+                None => devices.lend(|gpu| planned.run(spec, gpu, fault))?,
             };
             cell.precision = planned.precision;
             let n_done = n_done.fetch_add(1, Relaxed) + 1;
             observer.cell(group * n_precisions + place, &cell, pictures.as_ref(), n_done, n_total);
             ran.push((precision, cell, pictures));
         }
-        Ok(ran.into_iter().map(|(_, cell, _)| cell).collect())
+        let cells: Vec<_> = ran.into_iter().map(|(_, cell, _)| cell).collect();
+        Ok((group, cells))
     };
-    let groups = planned
-        .par_chunks(n_precisions)
-        .with_max_len(1)
-        .enumerate()
-        .map(run_group);
-    let groups: Vec<Vec<Cell>> = groups.collect::<Result<_, _>>()?;
-    let cells = groups.into_iter().flatten().collect();
+    // The longest first, so that none is left to run alone in the end.
+    let mut groups: Vec<_> = planned.chunks(n_precisions).enumerate().collect();
+    groups.sort_by_cached_key(|(_, planned)| Reverse(planned[0].n_pixels(spec, gpu)));
+    let in_turn = || groups.into_iter().par_bridge().map(run_group);
+    let mut ran: Vec<_> = pool.install(|| in_turn().collect::<Result<_, RunError>>())?;
+    ran.sort_by_key(|(group, _)| *group);
+    let cells = ran.into_iter().flat_map(|(_, cells)| cells);
     Ok(StressReport {
         adapter: gpu.info(),
         revision: env!("AFTERIMAGE_REVISION").to_owned(),
         seed: spec.seed,
-        cells,
+        cells: cells.collect(),
     })
+}
+
+/// What cells run on. A CPU adapter does the work of one device on one thread, so there are two of it.
+struct Devices {
+    gpus: Vec<Gpu>,
+    /// How many cells each has.
+    n_running: Mutex<Vec<usize>>,
+}
+
+impl Devices {
+    fn of(gpu: &Gpu) -> Result<Self, RunError> {
+        // Hazards share recipes, and recipes passes.
+        let cached = |gpu: &Gpu| {
+            gpu.with(Variant {
+                workgroup: gpu.variant().workgroup,
+                workgroup_memory: gpu.variant().workgroup_memory,
+                cache: Some(Default::default()),
+            })
+        };
+        let mut gpus = vec![cached(gpu)];
+        if gpu.is_cpu() {
+            gpus.push(cached(&gpu.second()?));
+        }
+        let n_running = Mutex::new(vec![0; gpus.len()]);
+        Ok(Self { gpus, n_running })
+    }
+
+    /// Runs a cell on the device that has the fewest.
+    fn lend<T>(&self, cell: impl FnOnce(&Gpu) -> T) -> T {
+        let n_running = || self.n_running.lock().expect("no panic while it is held");
+        let chosen = {
+            let mut n_running = n_running();
+            let least = (0..n_running.len()).min_by_key(|&i| n_running[i]).unwrap_or_default();
+            n_running[least] += 1;
+            least
+        };
+        let done = cell(&self.gpus[chosen]);
+        n_running()[chosen] -= 1;
+        done
+    }
 }
 
 /// Frames are kept until all have been looked at; this much memory they may take.
@@ -277,6 +326,24 @@ impl Planned<'_> {
         }
     }
 
+    fn setup<'b>(&'b self, spec: &StressSpec, gpu: &Gpu) -> Setup<'b> {
+        Setup {
+            recipe: &self.system.recipe,
+            size: spec.size,
+            n_frames: spec.n_frames,
+            seed: spec.seed,
+            quick: spec.quick,
+            max_side: gpu.max_side(),
+        }
+    }
+
+    /// How much there is to do.
+    fn n_pixels(&self, spec: &StressSpec, gpu: &Gpu) -> usize {
+        let of_segment = |segment: &Segment| segment.n_frames * segment.sizes.output.n_pixels();
+        let scenario = (self.hazard.build)(&self.setup(spec, gpu));
+        scenario.map_or(0, |scenario| scenario.segments.iter().map(of_segment).sum())
+    }
+
     fn run(
         &self,
         spec: &StressSpec,
@@ -284,14 +351,7 @@ impl Planned<'_> {
         fault: Option<Fault<'_>>,
     ) -> Result<(Cell, Option<Pictures>), RunError> {
         let recipe = &self.system.recipe;
-        let setup = Setup {
-            recipe,
-            size: spec.size,
-            n_frames: spec.n_frames,
-            seed: spec.seed,
-            quick: spec.quick,
-            max_side: gpu.max_side(),
-        };
+        let setup = self.setup(spec, gpu);
         let mut cell = Cell {
             hazard: self.hazard.id.to_owned(),
             recipe: self.system.name.clone(),
@@ -307,6 +367,7 @@ impl Planned<'_> {
             course: Vec::new(),
             growth: None,
             bound: None,
+            pictured: Vec::new(),
             size: spec.size.unwrap_or(Extent::new(0, 0)),
             n_frames: 0,
             digest: String::new(),
@@ -348,6 +409,7 @@ impl Planned<'_> {
         cell.n_frames = findings.n_frames;
         cell.digest = findings.digest;
         cell.bound = findings.bound;
+        cell.pictured = pictures.as_ref().map(Pictures::frames).unwrap_or_default();
         Ok((cell, pictures))
     }
 }

@@ -13,7 +13,7 @@ use crate::{
     sequence::frame::Rgb,
     taa::{
         Recipe, Skip,
-        recipe::{Algorithm, Domain, HistoryFilter, InputFilter, Neighbourhood, Rectify, Weight},
+        recipe::{Algorithm, Domain, HistoryFilter, InputFilter, Neighbourhood, Rectify, Spatial, Weight},
         reference::{Twin, color::Color},
     },
 };
@@ -39,14 +39,21 @@ pub fn ask(
     Ok(())
 }
 
-/// How far a texel's colour reaches within a frame, texels: two with wide boxes, else one.
+/// How far a texel's colour reaches within a frame, texels: through the box, and through the spatial filter before it, across the
+/// edges that it finds.
 pub fn reach(recipe: &Recipe) -> u32 {
-    let wide = match recipe.neighbourhood {
-        Neighbourhood::Variance => recipe.variance_window > 3,
-        Neighbourhood::Sobel => true,
-        _ => false,
+    let of_box = match recipe.neighbourhood {
+        Neighbourhood::Variance => (recipe.variance_window / 2).max(1),
+        Neighbourhood::Sobel => 2,
+        _ => 1,
     };
-    1 + u32::from(wide)
+    let of_filter = match recipe.spatial {
+        Spatial::None => 0,
+        Spatial::Fxaa => 1,
+        // An edge is judged by the two texels beside it, its ends by what crosses them, and the next pixel mixes by its weights.
+        Spatial::Smaa => 3,
+    };
+    of_box + of_filter
 }
 
 /// What carries the past of each pixel: history as a display shows it, or where that is something else the image shown.

@@ -60,6 +60,8 @@ pub struct Segment {
     pub n_frames: usize,
     /// Each of them.
     pub frames: Frames,
+    /// The frame from which on each is equal to that two before it, but for a checkerboard's parity.
+    pub alternates_from: Option<usize>,
 }
 
 /// Frames, and what is asked of them beside finite values and agreement with the twin.
@@ -167,6 +169,7 @@ impl Setup<'_> {
                 sizes,
                 n_frames,
                 frames: Arc::new(frames),
+                alternates_from: None,
             }],
             asks,
         }
@@ -186,13 +189,16 @@ impl Setup<'_> {
             frame: BAD_FRAME,
             area,
         };
-        self.scenario(sizes, self.frames(200, 64).max(BAD_FRAME + 2), asks, move |index| {
+        let n_frames = self.frames(80, 64).max(BAD_FRAME + 2);
+        let mut scenario = self.scenario(sizes, n_frames, asks, move |index| {
             let mut frame = undisturbed(index);
             if index == BAD_FRAME {
                 disturb(&mut frame);
             }
             frame
-        })
+        });
+        scenario.segments[0].alternates_from = Some(BAD_FRAME + 1);
+        scenario
     }
 }
 
@@ -210,6 +216,13 @@ impl Segment {
     /// The frame as the loader would hand it to `recipe`.
     pub fn frame(&self, index: usize, recipe: &Recipe) -> Frame {
         as_loaded((self.frames)(index), recipe)
+    }
+
+    /// Whether after `n_frames` all that follow repeat the last two: their input does, and what is deterministic has come back to
+    /// the state of two frames before, which `is_equal` compares.
+    pub fn has_settled(&self, n_frames: usize, is_equal: impl Fn(usize, usize) -> bool) -> bool {
+        let is_back = |from| n_frames >= from + 3 && is_equal(n_frames - 1, n_frames - 3);
+        self.alternates_from.is_some_and(is_back)
     }
 }
 

@@ -304,6 +304,7 @@ impl Sketch {
             sizes: self.sizes(recipe),
             n_frames: frames.len(),
             frames: Arc::new(move |index| frames[index].clone()),
+            alternates_from: None,
         };
         let device = Device {
             gpu,

@@ -36,12 +36,20 @@ pub struct Step {
 }
 
 impl Step {
-    /// Records it, untimed.
-    pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
-        for counter in &self.counters {
-            encoder.clear_buffer(counter, 0, Some(4));
+    /// Records steps one after the other, untimed, in as few passes as their counters allow: a driver's pool keeps every command
+    /// buffer that a submission ever took, and looks at each of them whenever it is used again.
+    pub fn record_all<'s>(steps: impl Iterator<Item = &'s Self>, encoder: &mut wgpu::CommandEncoder) {
+        let mut steps = steps.peekable();
+        while let Some(first) = steps.next() {
+            for counter in &first.counters {
+                encoder.clear_buffer(counter, 0, Some(4));
+            }
+            let mut compute = encoder.begin_compute_pass(&Default::default());
+            first.pass.record(&mut compute);
+            while let Some(next) = steps.next_if(|step| step.counters.is_empty()) {
+                next.pass.record(&mut compute);
+            }
         }
-        self.pass.record(encoder);
     }
 }
 

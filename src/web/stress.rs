@@ -1,4 +1,4 @@
-//! `/stress`: the matrix of hazards and recipes, of the newest stress run or of another; and a cell with its worst frame.
+//! `/stress`: the matrix of hazards and recipes, of the newest stress run or of another; and a cell with its frames.
 
 use super::{
     format,
@@ -65,7 +65,7 @@ fn heading(run: &StressRun) -> Markup {
         }
         p.muted {
             "Errors are of the adapter against the f64 twin, in display units. In a field history as f16 \
-             stands first, then as f32. A mark opens its worst frame."
+             stands first, then as f32. A mark opens its frames."
         }
     }
 }
@@ -176,9 +176,17 @@ pub async fn cell(
             (course(cell))
         }
         @if cell.verdict != Verdict::NotRun {
-            h2 { "The worst frame" }
-            p.muted { "Adapter, twin, and their difference, enlarged until its largest is white. Magenta is not finite." }
-            img.pixels alt="adapter, twin and difference" src={ "/api/v1/stress/" (job_id) "/cells/" (index) ".png" };
+            h2 { "The frames" }
+            p.muted {
+                "The first, the worst with those before and after it, and the last: adapter, twin, and their difference, enlarged \
+                 until the largest is white. Magenta is not finite."
+            }
+            div.film {
+                ol { @for frame in &cell.pictured {
+                    li { @if Some(*frame) == cell.frame { strong { (frame) } } @else { (frame) } }
+                } }
+                img.pixels alt="each frame: adapter, twin and difference" src={ "/api/v1/stress/" (job_id) "/cells/" (index) ".png" };
+            }
         }
     };
     let title = format!("{} · {}", cell.hazard, cell.recipe);

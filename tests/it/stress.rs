@@ -51,6 +51,63 @@ fn only_cell(spec: &StressSpec, gpu: &Gpu) -> Cell {
     cells.remove(0)
 }
 
+/// What a long run finds does not depend on whether it stops where the state repeats: of the adapter, which `--every-frame` keeps
+/// running, and of the twin, whose last digits of `inside` take several periods to come back.
+#[test]
+fn long_runs_stop_where_the_state_repeats() {
+    let gpu = gpu();
+    for (hazard, id) in [("feedback.static", "inside"), ("feedback.no_excitation", "phlm2016")] {
+        let cell = |every_frame| {
+            let spec = StressSpec {
+                n_frames: Some(3000),
+                every_frame,
+                ..spec(hazard, id, Precision::F32)
+            };
+            only_cell(&spec, gpu)
+        };
+        let (short, long) = (cell(false), cell(true));
+        assert!(
+            short.reason.contains("the state repeats from frame"),
+            "{}",
+            short.reason
+        );
+        assert_eq!(
+            (short.verdict, short.max_error.0, &short.reason),
+            (long.verdict, long.max_error.0, &long.reason)
+        );
+    }
+    let forever = StressSpec {
+        n_frames: Some(10_000_000),
+        ..spec("feedback.static", "inside", Precision::F32)
+    };
+    assert_eq!(only_cell(&forever, gpu).n_frames, 10_000_000);
+}
+
+/// Over a thousand resampled frames PHLM's decisions turn on rounding: its twins in f32 and f64 part too, so nobody blames the
+/// adapter. A shader that is wrong is blamed all the same.
+#[test]
+fn what_rounding_decides_is_no_fault() {
+    let gpu = gpu();
+    let chaotic = spec("resampling.zoom", "phlm2016", Precision::F32);
+    let cell = only_cell(&chaotic, gpu);
+    assert_eq!(cell.verdict, Verdict::Degrades, "{}", cell.reason);
+    assert!(cell.reason.contains("so does a twin in f32"), "{}", cell.reason);
+    let fault = Fault {
+        pass: "model",
+        text: "const FORGETTING: f32 = 0.998;",
+        instead: "const FORGETTING: f32 = 0.9;",
+    };
+    let soon = StressSpec {
+        n_frames: Some(100),
+        ..chaotic
+    };
+    let early = only_cell(&soon, gpu);
+    assert_ne!(early.verdict, Verdict::Fails, "{}", early.reason);
+    assert!(!early.reason.contains("differ from the twin"), "{}", early.reason);
+    let report = stress::execute_with_fault(&soon, gpu, &Quiet, Some(fault)).unwrap();
+    assert_eq!(report.cells[0].verdict, Verdict::Fails, "{}", report.cells[0].reason);
+}
+
 /// What each fault is, and the cell that it must turn red.
 #[test]
 fn planted_faults_turn_cells_red() {
@@ -458,6 +515,19 @@ fn the_service_keeps_matrices() {
     }
     let picture = client.get(&format!("/stress/{id}/cells/0.png"));
     assert_eq!((picture.status, &picture.body[1..4]), (200, &b"PNG"[..]));
+    let pictured: Vec<u64> = cells[0]["pictured"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|n| n.as_u64())
+        .collect();
+    let worst = cells[0]["frame"].as_u64().unwrap();
+    let last = cells[0]["n_frames"].as_u64().unwrap() - 1;
+    assert!(pictured.is_sorted() && pictured.contains(&worst), "{pictured:?}");
+    assert_eq!((pictured.first(), pictured.last()), (Some(&0), Some(&last)));
+    // Rows of equal height, four pixels between them: texels of 24×18 four times enlarged.
+    let height = u32::from_be_bytes(picture.body[20..24].try_into().unwrap());
+    assert_eq!(height, 76 * pictured.len() as u32 - 4);
     client
         .get(&format!("/stress/{id}/cells/9.png"))
         .is_problem(404, "not_found", None, "no picture");

@@ -131,7 +131,8 @@ fn updated(model: Model, x: vec4f, y: vec3f) -> Model {
     return Model(fitted, bounded(p));
 }
 
-// Where the feature does not change, forgetting would let the covariance grow without end.
+// Where the feature does not change, forgetting would let the covariance grow without end, and rounding makes it indefinite:
+// then an element off the diagonal is larger than those on it allow.
 fn bounded(p: mat4x4f) -> mat4x4f {
     if (!guards) {
         return p;
@@ -139,6 +140,11 @@ fn bounded(p: mat4x4f) -> mat4x4f {
     let diagonal = vec4f(p[0].x, p[1].y, p[2].z, p[3].w);
     if (any(diagonal <= vec4f(0.0))) {
         return unknown();
+    }
+    for (var i = 0; i < 4; i++) {
+        if (any(p[i] * p[i] > diagonal[i] * diagonal)) {
+            return unknown();
+        }
     }
     let trace = dot(diagonal, vec4f(1.0));
     return p * min(1.0, 4.0 * UNKNOWN / trace);

@@ -89,7 +89,7 @@ pub fn studies(api: Api) -> Api {
         [
             "getCellImage",
             "images",
-            "A cell's worst frame: adapter, twin, and their difference",
+            "A cell's frames, a row each: adapter, twin, and their difference",
         ],
         stress::picture,
         |o, _| o.media(200, "Of cells that ran", &IMAGE_TYPES[..1]),

@@ -112,7 +112,7 @@ fn dot(setup: &Setup<'_>, motion: Motion) -> Built {
     let n_frames = setup.frames(N_FRAMES, N_IF_QUICK);
     let middle = [sizes.render.width, sizes.render.height].map(|side| f64::from(side) * 0.5);
     let asks = Asks::Dot { ground: GROUND };
-    Ok(setup.scenario(sizes, n_frames, asks, move |index| {
+    let mut scenario = setup.scenario(sizes, n_frames, asks, move |index| {
         let mut frame = blank(sizes, index, [0.0; 3]);
         let from_middle = |x: u32, y: u32| [f64::from(x) + 0.5 - middle[0], f64::from(y) + 0.5 - middle[1]];
         let side = if index % 2 == 0 { 0.5 } else { -0.5 };
@@ -128,5 +128,7 @@ fn dot(setup: &Setup<'_>, motion: Motion) -> Built {
             [0, 1].map(|axis| (before[axis] - p[axis]) as f32)
         }));
         frame
-    }))
+    });
+    scenario.segments[0].alternates_from = Some(0);
+    Ok(scenario)
 }

@@ -87,5 +87,6 @@ fn segment(sizes: Sizes, n_frames: usize, seed: u32) -> Segment {
             frame.motion_px = frame.motion_px.map(|motion| motion.map(|_| [0.375, -0.25]));
             frame
         }),
+        alternates_from: None,
     }
 }

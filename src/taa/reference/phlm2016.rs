@@ -83,13 +83,18 @@ impl<R: Real> Model<R> {
         }
     }
 
-    /// Symmetric, positive, and of bounded trace: where the feature does not change, forgetting would let it grow.
+    /// Symmetric, positive, and of bounded trace: where the feature does not change, forgetting would let it grow, and rounding
+    /// makes it indefinite: then an element off the diagonal is larger than those on it allow.
     fn bound(&mut self) {
         let p = self.covariance;
         let symmetric = |i: usize, j: usize| (p[i][j] + p[j][i]) * R::new(0.5);
         let trace = (0..4).fold(R::new(0.0), |sum, i| sum + p[i][i]);
         let scale = (R::new(4.0 * UNKNOWN) / trace).min(R::new(1.0));
-        self.covariance = if (0..4).any(|i| p[i][i] <= R::new(0.0)) {
+        let is_indefinite = |i: usize| {
+            let exceeds = |j: usize| symmetric(i, j) * symmetric(i, j) > p[i][i] * p[j][j];
+            p[i][i] <= R::new(0.0) || (0..4).any(exceeds)
+        };
+        self.covariance = if (0..4).any(is_indefinite) {
             unknown()
         } else {
             std::array::from_fn(|i| std::array::from_fn(|j| symmetric(i, j) * scale))
@@ -223,5 +228,19 @@ mod tests {
         assert!(trace <= 4.0 * UNKNOWN * 1.001, "{trace}");
         let error = model.predict([1.0, 0.5, 0.0, 0.0]) - line(0.5);
         assert!(error.map(f64::abs).max3() < 1e-6, "{error:?}");
+    }
+
+    /// A matrix of positive diagonal and trace below the bound, but with elements that no positive one has.
+    #[test]
+    fn an_indefinite_covariance_is_forgotten() {
+        let mut model = Model::<f64>::constant(Color::splat(0.0));
+        model.covariance[0][1] = 1500.0;
+        model.covariance[1][0] = 1500.0;
+        model.bound();
+        assert_eq!(model.covariance, unknown::<f64>());
+        model.covariance[0][1] = 900.0;
+        model.covariance[1][0] = 900.0;
+        model.bound();
+        assert_eq!(model.covariance[0][1], 900.0);
     }
 }
