@@ -70,7 +70,7 @@ pub struct Arguments {
     /// Write the matrix as Markdown to a file, or to standard output for `-`
     #[arg(long, value_name = "FILE")]
     markdown: Option<JsonTarget>,
-    /// Write the worst frame of each cell and those around it as DIR/HAZARD/PRESET-PRECISION.png: adapter, twin, difference
+    /// Write frames of each cell, the worst among them, as DIR/HAZARD/PRESET-PRECISION.png: adapter, twin, difference
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
     /// List the hazards and what they do, and run nothing

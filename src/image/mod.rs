@@ -80,7 +80,7 @@ impl<T: Copy + Send + Sync> Image<T> {
         Self { extent, pixels }
     }
 
-    /// Computes every pixel from its coordinates, many rows in parallel.
+    /// Computes every pixel from its coordinates, rows in parallel.
     pub fn from_fn(extent: Extent, f: impl Fn(u32, u32) -> T + Sync) -> Self {
         // To wake a thread costs as much as some hundred pixels.
         const MIN_SHARE: usize = 256;
@@ -88,7 +88,7 @@ impl<T: Copy + Send + Sync> Image<T> {
         let mut pixels = Vec::with_capacity(extent.n_pixels());
         (0..extent.n_pixels())
             .into_par_iter()
-            .with_min_len(MIN_SHARE)
+            .with_min_len(width.max(MIN_SHARE))
             .map(|i| f((i % width) as u32, (i / width) as u32))
             .collect_into_vec(&mut pixels);
         Self { extent, pixels }
