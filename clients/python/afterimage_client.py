@@ -317,7 +317,7 @@ class Cell(TypedDict):
     max_error_ulps: "Value"
     #: Frames that ran.
     n_frames: int
-    #: The frames of its picture, in the order of the rows: the first, the worst with those beside it, the last.
+    #: The frames of its picture, in the order of the rows: the first, the worst and a disturbed one with those beside them, the last.
     pictured: List[int]
     #: Of stored history.
     precision: "Precision"

@@ -67,7 +67,11 @@ fn frame_by_frame(device: Device<'_>, scenario: &Scenario) -> Result<(Findings, 
                 found: all[index].shown.clone(),
                 expected: expected[index].clone(),
             };
-            pictures = Some(Pictures::around(pixel, index, all.len(), picture));
+            let disturbed = match scenario.asks {
+                Asks::Recovery { frame, .. } => Some(frame),
+                _ => None,
+            };
+            pictures = Some(Pictures::around(pixel, index, disturbed, all.len(), picture));
         }
         probes::ask(device, scenario, segment, &all, &mut findings)?;
         if let Some(last) = all.last() {

@@ -43,7 +43,7 @@ impl Endured {
         let errors = self.errors.iter().enumerate();
         let (worst, (_, error)) = errors.max_by(|(_, (_, a)), (_, (_, b))| a.max.total_cmp(&b.max))?;
         let picture = |index: usize| self.pieces[index].clone();
-        Some(Pictures::around(error.worst, worst, self.pieces.len(), picture))
+        Some(Pictures::around(error.worst, worst, None, self.pieces.len(), picture))
     }
 }
 

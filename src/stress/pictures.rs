@@ -7,7 +7,7 @@ use crate::{
 };
 use std::collections::BTreeSet;
 
-/// What adapter and twin showed in the first frame, in the worst with those before and after it, and in the last.
+/// What adapter and twin showed in the first frame, in the worst and the disturbed with those before and after them, and in the last.
 #[derive(Clone, Debug)]
 pub struct Pictures {
     frames: Vec<Picture>,
@@ -31,10 +31,20 @@ const MAX_SIDE: u32 = 96;
 const GAP: u32 = 4;
 
 impl Pictures {
-    /// Of `n` frames that `picture` has, those that tell what happened: around the worst, whose worst pixel is `pixel`.
-    pub fn around(pixel: [u32; 2], worst: usize, n: usize, picture: impl Fn(usize) -> Picture) -> Self {
+    /// Of `n` frames that `picture` has, those that tell what happened: around the worst, whose worst pixel is `pixel`, and around
+    /// the one that was disturbed.
+    pub fn around(
+        pixel: [u32; 2],
+        worst: usize,
+        disturbed: Option<usize>,
+        n: usize,
+        picture: impl Fn(usize) -> Picture,
+    ) -> Self {
         let last = n - 1;
-        let chosen = BTreeSet::from([0, worst.saturating_sub(1), worst, (worst + 1).min(last), last]);
+        let mut chosen = BTreeSet::from([0, last]);
+        for index in disturbed.into_iter().chain([worst]) {
+            chosen.extend([index.saturating_sub(1), index, (index + 1).min(last)]);
+        }
         Self {
             frames: chosen.into_iter().map(picture).collect(),
             worst: pixel,

@@ -84,7 +84,8 @@ pub struct Cell {
     pub growth: Option<Growth>,
     /// What theory allows, where it says something.
     pub bound: Option<Bound>,
-    /// The frames of its picture, in the order of the rows: the first, the worst with those beside it, the last.
+    /// The frames of its picture, in the order of the rows: the first, the worst and a disturbed one with those
+    /// beside them, the last.
     #[serde(default)]
     pub pictured: Vec<usize>,
     /// Of the input.

@@ -178,8 +178,8 @@ pub async fn cell(
         @if cell.verdict != Verdict::NotRun {
             h2 { "The frames" }
             p.muted {
-                "The first, the worst with those before and after it, and the last: adapter, twin, and their difference, enlarged \
-                 until the largest is white. Magenta is not finite."
+                "The first, the worst and one that was disturbed with those before and after them, and the last: adapter, twin, and \
+                 their difference, enlarged until the largest is white. Magenta is not finite."
             }
             div.film {
                 ol { @for frame in &cell.pictured {

@@ -524,6 +524,8 @@ fn the_service_keeps_matrices() {
     let worst = cells[0]["frame"].as_u64().unwrap();
     let last = cells[0]["n_frames"].as_u64().unwrap() - 1;
     assert!(pictured.is_sorted() && pictured.contains(&worst), "{pictured:?}");
+    // The bad frame, and the one that must be free of it.
+    assert!([5, 6, 7].iter().all(|frame| pictured.contains(frame)), "{pictured:?}");
     assert_eq!((pictured.first(), pictured.last()), (Some(&0), Some(&last)));
     // Rows of equal height, four pixels between them: texels of 24×18 four times enlarged.
     let height = u32::from_be_bytes(picture.body[20..24].try_into().unwrap());
