@@ -1,16 +1,5 @@
 // What a frame of a scene binds, and the stages for vertices. Depth is reversed with no far plane: near / w.
 
-struct Object {
-    clip_from_object: mat4x4f,
-    previous_clip_from_object: mat4x4f,
-    world_from_object: mat4x4f,
-    // RGB multiplies the material's colour, a its alpha.
-    tint: vec4f,
-    id: u32,
-    // Pixels of stochastic alpha are drawn anew for each of these.
-    seed: u32,
-}
-
 struct Frame {
     eye: vec3f,
     size_px: vec2f,
@@ -21,6 +10,8 @@ struct Frame {
     sky_horizon: vec3f,
     sky_ground: vec3f,
     ambient: f32,
+    // Distance at which clipping begins, which is clip z everywhere.
+    near: f32,
     shadow_from_world: mat4x4f,
     // World directions of the view's axis and of one unit of ndc x and y beside it.
     ray_axis: vec3f,
@@ -46,10 +37,9 @@ struct View {
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> objects: array<Object>;
-@group(0) @binding(2) var<uniform> lights: array<PointLight, 4>;
-@group(0) @binding(3) var shadow_map: texture_depth_2d;
-@group(0) @binding(4) var shadow_sampler: sampler_comparison;
+@group(0) @binding(1) var<uniform> lights: array<PointLight, 4>;
+@group(0) @binding(2) var shadow_map: texture_depth_2d;
+@group(0) @binding(3) var shadow_sampler: sampler_comparison;
 @group(1) @binding(0) var<uniform> view: View;
 
 struct Vertex {
@@ -59,12 +49,31 @@ struct Vertex {
     @location(3) previous_position: vec3f,
 }
 
+// An object, as instances have it: rows of its matrices, without clip z's and without the world's last. Attributes, not a
+// storage buffer: on lavapipe reading matrices from one costs more than all the rest of a vertex.
+struct Object {
+    @location(4) clip_x: vec4f,
+    @location(5) clip_y: vec4f,
+    @location(6) clip_w: vec4f,
+    @location(7) previous_clip_x: vec4f,
+    @location(8) previous_clip_y: vec4f,
+    @location(9) previous_clip_w: vec4f,
+    @location(10) world_x: vec4f,
+    @location(11) world_y: vec4f,
+    @location(12) world_z: vec4f,
+    // RGB multiplies the material's colour, a its alpha.
+    @location(13) tint: vec4f,
+    @location(14) id: u32,
+}
+
 struct ColorVarying {
     @builtin(position) @invariant position: vec4f,
     @location(0) world: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
-    @location(3) @interpolate(flat) object: u32,
+    @location(3) @interpolate(flat) tint: vec4f,
+    // Pixels of stochastic alpha are drawn anew for each of these.
+    @location(4) @interpolate(flat) seed: u32,
 }
 
 struct SurfaceVarying {
@@ -72,75 +81,98 @@ struct SurfaceVarying {
     @location(0) world: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
-    @location(3) @interpolate(flat) object: u32,
+    @location(3) @interpolate(flat) tint: vec4f,
+    @location(4) @interpolate(flat) seed: u32,
+    @location(5) @interpolate(flat) id: u32,
     // Clip x, y, w without jitter, now and in the frame before.
-    @location(4) clip: vec3f,
-    @location(5) previous_clip: vec3f,
+    @location(6) clip: vec3f,
+    @location(7) previous_clip: vec3f,
 }
 
 struct DepthVarying {
     @builtin(position) position: vec4f,
     @location(0) uv: vec2f,
-    @location(1) @interpolate(flat) object: u32,
+    @location(1) @interpolate(flat) tint: vec4f,
 }
 
-fn jittered(clip: vec4f) -> vec4f {
-    return vec4f(clip.xy - view.jitter_ndc * clip.w, clip.zw);
+// Clip x, y and w.
+fn clip_of(object: Object, position: vec3f) -> vec3f {
+    let at = vec4f(position, 1.0);
+    return vec3f(dot(object.clip_x, at), dot(object.clip_y, at), dot(object.clip_w, at));
+}
+
+fn previous_clip_of(object: Object, position: vec3f) -> vec3f {
+    let at = vec4f(position, 1.0);
+    return vec3f(
+        dot(object.previous_clip_x, at),
+        dot(object.previous_clip_y, at),
+        dot(object.previous_clip_w, at),
+    );
+}
+
+fn jittered(clip: vec3f) -> vec4f {
+    return vec4f(clip.xy - view.jitter_ndc * clip.z, frame.near, clip.z);
+}
+
+fn world_of(object: Object, position: vec3f) -> vec3f {
+    let at = vec4f(position, 1.0);
+    return vec3f(dot(object.world_x, at), dot(object.world_y, at), dot(object.world_z, at));
 }
 
 // Normals follow the cofactors, which is right for every scaling and needs no inverse.
-fn world_normal(object: u32, normal: vec3f) -> vec3f {
-    let m = objects[object].world_from_object;
-    let cofactor = mat3x3f(cross(m[1].xyz, m[2].xyz), cross(m[2].xyz, m[0].xyz), cross(m[0].xyz, m[1].xyz));
-    return cofactor * normal;
+fn world_normal(object: Object, normal: vec3f) -> vec3f {
+    let x = object.world_x.xyz;
+    let y = object.world_y.xyz;
+    let z = object.world_z.xyz;
+    return vec3f(dot(cross(y, z), normal), dot(cross(z, x), normal), dot(cross(x, y), normal));
 }
 
 @vertex
-fn vs_color(vertex: Vertex, @builtin(instance_index) object: u32) -> ColorVarying {
-    let at = vec4f(vertex.position, 1.0);
+fn vs_color(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32) -> ColorVarying {
     return ColorVarying(
-        jittered(objects[object].clip_from_object * at),
-        (objects[object].world_from_object * at).xyz,
+        jittered(clip_of(object, vertex.position)),
+        world_of(object, vertex.position),
         world_normal(object, vertex.normal),
         vertex.uv,
-        object,
+        object.tint,
+        seed,
     );
 }
 
 @vertex
-fn vs_surface(vertex: Vertex, @builtin(instance_index) object: u32) -> SurfaceVarying {
-    let at = vec4f(vertex.position, 1.0);
-    let clip = objects[object].clip_from_object * at;
-    let previous_clip = objects[object].previous_clip_from_object * vec4f(vertex.previous_position, 1.0);
+fn vs_surface(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32) -> SurfaceVarying {
+    let clip = clip_of(object, vertex.position);
     return SurfaceVarying(
         jittered(clip),
-        (objects[object].world_from_object * at).xyz,
+        world_of(object, vertex.position),
         world_normal(object, vertex.normal),
         vertex.uv,
-        object,
-        clip.xyw,
-        previous_clip.xyw,
+        object.tint,
+        seed,
+        object.id,
+        clip,
+        previous_clip_of(object, vertex.previous_position),
     );
 }
 
 // Depth alone, exactly as `vs_color` has it: what lies behind is then never shaded.
 @vertex
-fn vs_depth(vertex: Vertex, @builtin(instance_index) object: u32) -> @builtin(position) @invariant vec4f {
-    return jittered(objects[object].clip_from_object * vec4f(vertex.position, 1.0));
+fn vs_depth(vertex: Vertex, object: Object) -> @builtin(position) @invariant vec4f {
+    return jittered(clip_of(object, vertex.position));
 }
 
 // The scene as the sun sees it.
 @vertex
-fn vs_shadow(vertex: Vertex, @builtin(instance_index) object: u32) -> DepthVarying {
-    let world = objects[object].world_from_object * vec4f(vertex.position, 1.0);
-    return DepthVarying(frame.shadow_from_world * world, vertex.uv, object);
+fn vs_shadow(vertex: Vertex, object: Object) -> DepthVarying {
+    let world = vec4f(world_of(object, vertex.position), 1.0);
+    return DepthVarying(frame.shadow_from_world * world, vertex.uv, object.tint);
 }
 
 // The scene as the frame before saw it.
 @vertex
-fn vs_previous(vertex: Vertex, @builtin(instance_index) object: u32) -> DepthVarying {
-    let clip = objects[object].previous_clip_from_object * vec4f(vertex.previous_position, 1.0);
-    return DepthVarying(clip, vertex.uv, object);
+fn vs_previous(vertex: Vertex, object: Object) -> DepthVarying {
+    let clip = previous_clip_of(object, vertex.previous_position);
+    return DepthVarying(vec4f(clip.xy, frame.near, clip.z), vertex.uv, object.tint);
 }
 
 struct SkyVarying {

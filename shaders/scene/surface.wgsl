@@ -2,6 +2,7 @@
 
 // 0 opaque, 1 cut at one half, 2 stochastic, 3 blended.
 override ALPHA: u32;
+override TEXTURED: bool;
 override LIT: bool;
 override SPECULAR: bool;
 override SHADOWED: bool;
@@ -51,18 +52,21 @@ fn hash(x: u32, y: u32, seed: u32) -> f32 {
     return f32(h >> 8u) / 16777216.0;
 }
 
-fn base(object: u32, uv: vec2f) -> vec4f {
-    let texel = textureSampleBias(base_texture, base_sampler, uv, view.mip_bias);
-    return texel * vec4f(material.color, material.alpha) * objects[object].tint;
+fn base(tint: vec4f, uv: vec2f) -> vec4f {
+    let paint = vec4f(material.color, material.alpha) * tint;
+    if TEXTURED {
+        return paint * textureSampleBias(base_texture, base_sampler, uv, view.mip_bias);
+    }
+    return paint;
 }
 
-fn kept(position: vec4f, object: u32, alpha: f32) -> bool {
+fn kept(position: vec4f, seed: u32, alpha: f32) -> bool {
     if ALPHA == ALPHA_CUT {
         return alpha >= 0.5;
     }
     if ALPHA == ALPHA_STOCHASTIC {
         let px = vec2u(position.xy);
-        return hash(px.x, px.y, view.seed ^ (objects[object].seed * 0x9e3779b9u)) < alpha;
+        return hash(px.x, px.y, view.seed ^ (seed * 0x9e3779b9u)) < alpha;
     }
     return true;
 }
@@ -164,8 +168,8 @@ fn covered(color: vec3f, alpha: f32) -> vec4f {
 
 @fragment
 fn fs_color(in: ColorVarying, @builtin(front_facing) front: bool) -> @location(0) vec4f {
-    let paint = base(in.object, in.uv);
-    if !kept(in.position, in.object, paint.a) {
+    let paint = base(in.tint, in.uv);
+    if !kept(in.position, in.seed, paint.a) {
         discard;
     }
     return covered(shade(in.world, in.normal, front, paint.rgb), paint.a);
@@ -185,8 +189,8 @@ fn motion_px(clip: vec3f, previous_clip: vec3f) -> vec2f {
 
 @fragment
 fn fs_surface(in: SurfaceVarying, @builtin(front_facing) front: bool) -> Surface {
-    let paint = base(in.object, in.uv);
-    if !kept(in.position, in.object, paint.a) {
+    let paint = base(in.tint, in.uv);
+    if !kept(in.position, in.seed, paint.a) {
         discard;
     }
     var reactive = material.reactive;
@@ -196,7 +200,7 @@ fn fs_surface(in: SurfaceVarying, @builtin(front_facing) front: bool) -> Surface
     return Surface(
         covered(shade(in.world, in.normal, front, paint.rgb), paint.a),
         vec4f(motion_px(in.clip, in.previous_clip), in.clip.z, reactive),
-        objects[in.object].id,
+        in.id,
         vec4f(paint.rgb, in.previous_clip.z),
     );
 }
@@ -204,7 +208,7 @@ fn fs_surface(in: SurfaceVarying, @builtin(front_facing) front: bool) -> Surface
 // For the sun's and the previous frame's depth: only what has holes needs it.
 @fragment
 fn fs_cut(in: DepthVarying) {
-    if base(in.object, in.uv).a < 0.5 {
+    if base(in.tint, in.uv).a < 0.5 {
         discard;
     }
 }

@@ -5,7 +5,7 @@ use crate::run::report::AdapterInfo;
 use std::sync::{Arc, OnceLock};
 
 /// An adapter with its device and queue. Open one a process: lavapipe keeps what a closed device held.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Gpu {
     /// Creates resources.
     pub device: wgpu::Device,
@@ -127,13 +127,8 @@ impl Gpu {
     /// The same device, whose passes are compiled as `variant` says.
     pub fn with(&self, variant: Variant) -> Self {
         Self {
-            device: self.device.clone(),
-            queue: self.queue.clone(),
-            adapter: self.adapter.clone(),
-            second: Arc::clone(&self.second),
-            info: self.info.clone(),
             variant,
-            workgroup: self.workgroup,
+            ..self.clone()
         }
     }
 

@@ -27,14 +27,14 @@ pub struct Pass {
 }
 
 /// How the passes of a device are compiled, where not as usual.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Variant {
     /// The workgroup of passes that leave it open.
     pub workgroup: Option<Workgroup>,
     /// Whether passes that can do so keep what a workgroup's invocations read in common in its own memory.
     pub workgroup_memory: Option<bool>,
     /// Every pass compiled, for whoever compiles the same ones again and again. It only grows.
-    pub cache: Option<PassCache>,
+    pub cache: Option<Arc<PassCache>>,
 }
 
 /// Compiled passes, by their text, overrides and workgroup.

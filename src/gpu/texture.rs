@@ -2,6 +2,7 @@
 
 use super::Gpu;
 use crate::image::{Extent, Image};
+use half::f16;
 use rayon::prelude::*;
 
 /// A 2-D texture and its only view.
@@ -26,26 +27,31 @@ impl Texture {
         Self::with_levels(gpu, label, extent, format, 1, usage)
     }
 
-    /// An image with its smaller levels, each half of the one before (rounded down, at least 1), as sRGB with linear
-    /// alpha.
+    /// An image with its smaller levels, each half of the one before (rounded down, at least 1).
     ///
     /// # Panics
     /// When there is no level.
-    pub fn mipmapped(gpu: &Gpu, label: &str, levels: &[Image<[u8; 4]>]) -> Self {
+    pub fn mipmapped(gpu: &Gpu, label: &str, levels: &[Image<[f16; 4]>]) -> Self {
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-        let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+        let format = wgpu::TextureFormat::Rgba16Float;
         let made = Self::with_levels(gpu, label, levels[0].extent(), format, levels.len() as u32, usage);
         for (level, image) in levels.iter().enumerate() {
             let Extent { width, height } = image.extent();
+            let halves: Vec<_> = image
+                .pixels()
+                .as_flattened()
+                .iter()
+                .map(|value| value.to_bits())
+                .collect();
             gpu.queue.write_texture(
                 wgpu::TexelCopyTextureInfo {
                     mip_level: level as u32,
                     ..made.texture.as_image_copy()
                 },
-                bytemuck::cast_slice(image.pixels()),
+                bytemuck::cast_slice(&halves),
                 wgpu::TexelCopyBufferLayout {
                     offset: 0,
-                    bytes_per_row: Some(4 * width),
+                    bytes_per_row: Some(8 * width),
                     rows_per_image: None,
                 },
                 wgpu::Extent3d {
@@ -174,10 +180,7 @@ impl Texture {
     pub fn write_floats(&self, gpu: &Gpu, values: &[f32]) {
         match self.format() {
             wgpu::TextureFormat::Rgba16Float => {
-                let halves: Vec<_> = values
-                    .iter()
-                    .map(|&value| half::f16::from_f32(value).to_bits())
-                    .collect();
+                let halves: Vec<_> = values.iter().map(|&value| f16::from_f32(value).to_bits()).collect();
                 self.write(gpu, bytemuck::cast_slice(&halves));
             }
             wgpu::TextureFormat::R32Uint => {

@@ -5,7 +5,7 @@ use super::{
     disocclusion::Disocclusion,
     model::Alpha,
     moment::Clip,
-    reference::{Accumulator, Mean, NoiseSums, half_views},
+    reference::{Accumulator, NoiseSums, half_views},
     renderer::{PreparedFrame, Renderer, SurfaceTarget, View},
 };
 use crate::{
@@ -15,7 +15,11 @@ use crate::{
     random::Random,
     sequence::{Frame, Merging, Others, frame::Rgb, manifest::NoiseFloor},
 };
-use std::time::{Duration, Instant};
+use std::{
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
 
 /// A frame as it was rendered, in canonical form.
 #[derive(Clone, Debug)]
@@ -91,14 +95,17 @@ pub struct BakeTimes {
 }
 
 /// Renders the frames of a sequence.
-pub struct Baker<'g> {
-    gpu: &'g Gpu,
+pub struct Baker {
+    gpu: Gpu,
     settings: BakeSettings,
-    renderer: Renderer<'g>,
+    renderer: Renderer,
     surface: SurfaceTarget,
     /// For what has no jitter.
-    input: Accumulator<'g>,
-    reference: Option<Accumulator<'g>>,
+    input: Accumulator,
+    reference: Option<Accumulator>,
+    /// Of a CPU adapter: what renders the other half of a reference meanwhile, on a device of its own. One device leaves the
+    /// cores idle while it prepares its triangles.
+    beside: Option<(Renderer, Accumulator)>,
     disocclusion: Option<Disocclusion>,
     /// Of a scene at rest: what every frame's would be, but for its noise.
     rested: Option<[Option<Image<Rgb>>; 2]>,
@@ -110,12 +117,12 @@ pub struct Baker<'g> {
 /// Offsets of four samples around the jitter: a grid turned by arctan ½, as multisampling hardware has it.
 const ROTATED_GRID: [[f64; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
 
-impl<'g> Baker<'g> {
+impl Baker {
     /// Builds the scene and uploads it.
     ///
     /// # Errors
     /// As [`BakeSettings::validate`], and what the device says.
-    pub fn new(gpu: &'g Gpu, settings: &BakeSettings) -> Result<Self, BakeError> {
+    pub fn new(gpu: &Gpu, settings: &BakeSettings) -> Result<Self, BakeError> {
         settings.validate()?;
         settings.validate_on(gpu)?;
         let scene = settings.build()?;
@@ -126,15 +133,22 @@ impl<'g> Baker<'g> {
                 message: format!("cannot blend 32-bit floats, which scene `{}` needs", settings.scene),
             }));
         }
-        let reference = (settings.reference_samples > 0)
-            .then(|| Accumulator::new(gpu, settings.output_size, settings.karis))
-            .transpose()?;
+        let referenced = settings.reference_samples > 0;
+        let sum = |gpu: &Gpu| Accumulator::new(gpu, settings.output_size, settings.karis);
+        let beside = |gpu: &Gpu| -> Result<_, GpuError> {
+            let gpu = gpu.second()?;
+            Ok((
+                Renderer::new(&gpu, Arc::clone(&scene), settings.texturing())?,
+                sum(&gpu)?,
+            ))
+        };
         Ok(Self {
-            gpu,
+            gpu: gpu.clone(),
+            reference: referenced.then(|| sum(gpu)).transpose()?,
+            beside: (referenced && gpu.is_cpu()).then(|| beside(gpu)).transpose()?,
             renderer: Renderer::new(gpu, scene, settings.texturing())?,
             surface: SurfaceTarget::new(gpu, settings.render_size),
             input: Accumulator::new(gpu, settings.render_size, false)?,
-            reference,
             disocclusion: settings
                 .disocclusion
                 .then(|| Disocclusion::new(gpu, settings.render_size))
@@ -174,13 +188,7 @@ impl<'g> Baker<'g> {
     pub fn frame(&mut self, index: usize) -> Result<BakedFrame, BakeError> {
         let begin = Instant::now();
         let settings = self.settings.clone();
-        let output = settings.output_size;
-        let aspect = f64::from(output.width) / f64::from(output.height);
-        let times = match settings.at_rest {
-            true => [0.0; 2],
-            false => [index as f64, index as f64 - 1.0],
-        };
-        let frame = self.renderer.prepare(times, settings.render_size, aspect)?;
+        let frame = self.prepare(&self.renderer, index)?;
         let jitter_px = settings.jitter.offset_px(index).map(|j| j * settings.jitter_scale);
         let seed = Random::new(settings.seed ^ (index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)).bits();
         let view = |jitter_px, salt: u32| View {
@@ -191,7 +199,14 @@ impl<'g> Baker<'g> {
         self.renderer
             .draw_surface(&mut encoder, &frame, view(jitter_px, 0), &self.surface)?;
         if let Some(disocclusion) = &self.disocclusion {
-            disocclusion.record(self.gpu, &mut encoder, &self.renderer, &frame, &self.surface, jitter_px)?;
+            disocclusion.record(
+                &self.gpu,
+                &mut encoder,
+                &self.renderer,
+                &frame,
+                &self.surface,
+                jitter_px,
+            )?;
         }
         let submission = self.gpu.queue.submit([encoder.finish()]);
         self.gpu.wait(submission)?;
@@ -214,6 +229,18 @@ impl<'g> Baker<'g> {
         }
         self.add_reference(&frame, seed, &mut baked)?;
         Ok(baked)
+    }
+
+    /// Uploads frame `index` to a renderer.
+    fn prepare(&self, renderer: &Renderer, index: usize) -> Result<PreparedFrame, GpuError> {
+        let settings = &self.settings;
+        let output = settings.output_size;
+        let aspect = f64::from(output.width) / f64::from(output.height);
+        let times = match settings.at_rest {
+            true => [0.0; 2],
+            false => [index as f64, index as f64 - 1.0],
+        };
+        renderer.prepare(times, settings.render_size, aspect)
     }
 
     /// Puts the first of several samples in the place of the one at the jitter, and the others beside it.
@@ -263,19 +290,30 @@ impl<'g> Baker<'g> {
             [baked.reference, baked.reference_karis] = rested.clone();
             return Ok(());
         }
-        let mut halves = Vec::with_capacity(2);
-        for half in 0..2 {
+        let half = |renderer: &Renderer, sum: &Accumulator, frame: &PreparedFrame, which: u64| -> Result<_, GpuError> {
             let begin = Instant::now();
-            let seed = Random::new(seed.wrapping_add(1 + half)).bits();
+            let seed = Random::new(seed.wrapping_add(1 + which)).bits();
             let views = half_views(self.settings.reference_pattern, self.settings.reference_samples, seed);
-            reference.accumulate(&self.renderer, frame, &views)?;
+            sum.accumulate(renderer, frame, &views)?;
             let drawn = Instant::now();
-            halves.push(reference.read()?);
-            self.times.raster += drawn - begin;
-            self.times.readback += drawn.elapsed();
+            Ok((sum.read()?, drawn - begin, drawn.elapsed()))
+        };
+        let one = || half(&self.renderer, reference, frame, 0);
+        let (halves, at_once) = match &self.beside {
+            None => ([one()?, half(&self.renderer, reference, frame, 1)?], 1),
+            Some((renderer, sum)) => thread::scope(|scope| {
+                let other = scope.spawn(|| half(renderer, sum, &self.prepare(renderer, baked.index)?, 1));
+                let one = one();
+                let other = other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+                Ok::<_, GpuError>(([one?, other?], 2))
+            })?,
+        };
+        let [(a, ..), (b, ..)] = &halves;
+        for (_, raster, readback) in &halves {
+            self.times.raster += *raster / at_once;
+            self.times.readback += *readback / at_once;
         }
         let begin = Instant::now();
-        let [a, b]: [Mean; 2] = halves.try_into().unwrap_or_else(|_| unreachable!("two halves"));
         self.noise.add([&a.linear, &b.linear], self.display());
         baked.reference = Some(mean(&a.linear, &b.linear));
         baked.reference_karis = a.karis.as_ref().zip(b.karis.as_ref()).map(|(a, b)| mean_karis(a, b));
@@ -300,11 +338,11 @@ impl<'g> Baker<'g> {
             .surface
             .images
             .each_ref()
-            .map(|image| readback.copy_texture(self.gpu, &mut encoder, image));
+            .map(|image| readback.copy_texture(&self.gpu, &mut encoder, image));
         let mask = self
             .disocclusion
             .as_ref()
-            .map(|pass| readback.copy_texture(self.gpu, &mut encoder, pass.mask()));
+            .map(|pass| readback.copy_texture(&self.gpu, &mut encoder, pass.mask()));
         let submission = self.gpu.queue.submit([encoder.finish()]);
         readback.map();
         self.gpu.wait(submission)?;

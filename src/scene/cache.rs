@@ -9,7 +9,7 @@ use std::{
 };
 
 /// Raised whenever the same settings give other images, so that old bakes are not taken for new ones.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// A folder of baked sequences.
 #[derive(Clone, Debug)]

@@ -48,7 +48,7 @@ impl Disocclusion {
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        renderer: &Renderer<'_>,
+        renderer: &Renderer,
         frame: &PreparedFrame,
         surface: &SurfaceTarget,
         jitter_px: [f64; 2],

@@ -258,7 +258,7 @@ fn entry(frame: &BakedFrame, near: f64) -> Value {
     })
 }
 
-fn manifest(settings: &BakeSettings, baker: &Baker<'_>, entries: &[Value]) -> Value {
+fn manifest(settings: &BakeSettings, baker: &Baker, entries: &[Value]) -> Value {
     let (description, license) = settings.description().expect("it was baked");
     let color = "input/color_{index:04}.exr";
     let geometry = "input/geometry_{index:04}.exr";

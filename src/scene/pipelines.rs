@@ -17,6 +17,7 @@ pub(super) const SURFACE_FORMATS: [TextureFormat; 4] = [
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Kind {
     alpha: Alpha,
+    textured: bool,
     lit: bool,
     specular: bool,
     two_sided: bool,
@@ -26,6 +27,7 @@ impl Kind {
     pub fn of(material: &Material) -> Self {
         Self {
             alpha: material.alpha,
+            textured: material.texture.is_some(),
             lit: material.lit,
             specular: material.roughness.is_some(),
             two_sided: material.two_sided,
@@ -79,8 +81,29 @@ const STRIDE: u64 = size_of::<Vertex>() as u64;
 const CURRENT: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x2];
 const PREVIOUS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x3];
 
-/// The vertices now, and those of the frame before, which are the same where nothing deforms.
-const BUFFERS: [wgpu::VertexBufferLayout<'static>; 2] = [
+const OBJECT: [wgpu::VertexAttribute; 11] = wgpu::vertex_attr_array![
+    4 => Float32x4, 5 => Float32x4, 6 => Float32x4,
+    7 => Float32x4, 8 => Float32x4, 9 => Float32x4,
+    10 => Float32x4, 11 => Float32x4, 12 => Float32x4,
+    13 => Float32x4, 14 => Uint32,
+];
+
+/// An object's matrices and looks, as `Object` in `frame.wgsl` has them.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct DeviceObject {
+    /// Rows x, y and w.
+    pub clip_from_object: [[f32; 4]; 3],
+    /// Rows x, y and w.
+    pub previous_clip_from_object: [[f32; 4]; 3],
+    /// Rows x, y and z.
+    pub world_from_object: [[f32; 4]; 3],
+    pub tint: [f32; 4],
+    pub id: u32,
+}
+
+/// The vertices now, those of the frame before, which are the same where nothing deforms, and the objects.
+const BUFFERS: [wgpu::VertexBufferLayout<'static>; 3] = [
     wgpu::VertexBufferLayout {
         array_stride: STRIDE,
         step_mode: wgpu::VertexStepMode::Vertex,
@@ -90,6 +113,11 @@ const BUFFERS: [wgpu::VertexBufferLayout<'static>; 2] = [
         array_stride: STRIDE,
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &PREVIOUS,
+    },
+    wgpu::VertexBufferLayout {
+        array_stride: size_of::<DeviceObject>() as u64,
+        step_mode: wgpu::VertexStepMode::Instance,
+        attributes: &OBJECT,
     },
 ];
 
@@ -131,9 +159,10 @@ impl Pipelines {
     }
 }
 
-fn overrides(kind: Kind, shadowed: bool, n_lights: usize) -> [(&'static str, f64); 5] {
+fn overrides(kind: Kind, shadowed: bool, n_lights: usize) -> [(&'static str, f64); 6] {
     [
         ("ALPHA", f64::from(kind.alpha as u32)),
+        ("TEXTURED", f64::from(u8::from(kind.textured))),
         ("LIT", f64::from(u8::from(kind.lit))),
         ("SPECULAR", f64::from(u8::from(kind.specular))),
         ("SHADOWED", f64::from(u8::from(shadowed))),

@@ -1,12 +1,13 @@
 //! The reference: many renders of one frame, summed on the device in f32, in two halves that know nothing of each
-//! other, so that their difference tells how much noise is left.
+//! other, so that their difference tells how much noise is left. A CPU adapter renders the halves at once, each on a device
+//! of its own.
 
 use super::{
     pattern::Pattern,
     renderer::{ColorTarget, PreparedFrame, Renderer, View},
 };
 use crate::{
-    gpu::{Gpu, GpuError, Pass, ReadbackPool},
+    gpu::{Dispatch, Gpu, GpuError, Pass, ReadbackPool},
     image::{Extent, Image},
     metrics::Display,
     sequence::{frame::Rgb, manifest::NoiseFloor},
@@ -15,11 +16,14 @@ use crate::{
 /// Renders that are submitted at once. The device is waited for after each lot, so that memory stays bounded.
 const LOT: usize = 16;
 
+/// Renders that are added to the sums at once.
+const GROUP: usize = 4;
+
 /// Sums of renders of one size.
-pub(super) struct Accumulator<'g> {
-    gpu: &'g Gpu,
+pub(super) struct Accumulator {
+    gpu: Gpu,
     pass: Pass,
-    target: ColorTarget,
+    target: ColorTarget<GROUP>,
     sum: wgpu::Buffer,
     tonemapped_sum: wgpu::Buffer,
     tonemapped: bool,
@@ -36,8 +40,8 @@ pub(super) struct Mean {
 
 const SOURCE: &str = include_str!("../../shaders/scene/accumulate.wgsl");
 
-impl<'g> Accumulator<'g> {
-    pub fn new(gpu: &'g Gpu, extent: Extent, tonemapped: bool) -> Result<Self, GpuError> {
+impl Accumulator {
+    pub fn new(gpu: &Gpu, extent: Extent, tonemapped: bool) -> Result<Self, GpuError> {
         let overrides = [("TONEMAPPED", f64::from(u8::from(tonemapped)))];
         let pass = Pass::new(gpu, "accumulate", &[SOURCE], &overrides)?;
         gpu.scope("making room for a reference", || {
@@ -50,7 +54,7 @@ impl<'g> Accumulator<'g> {
                 })
             };
             Self {
-                gpu,
+                gpu: gpu.clone(),
                 target: ColorTarget::new(gpu, extent),
                 sum: buffer(extent.n_pixels()),
                 tonemapped_sum: buffer(if tonemapped { extent.n_pixels() } else { 1 }),
@@ -62,14 +66,7 @@ impl<'g> Accumulator<'g> {
     }
 
     /// Renders every view and leaves the sums on the device.
-    pub fn accumulate(&self, renderer: &Renderer<'_>, frame: &PreparedFrame, views: &[View]) -> Result<(), GpuError> {
-        let extent = self.target.color.extent();
-        let add = self
-            .pass
-            .bind("render", &self.target.color)
-            .bind("sum", &self.sum)
-            .offer("tonemapped_sum", &self.tonemapped_sum)
-            .over(self.gpu, extent)?;
+    pub fn accumulate(&self, renderer: &Renderer, frame: &PreparedFrame, views: &[View]) -> Result<(), GpuError> {
         let mut first = true;
         for lot in views.chunks(LOT) {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
@@ -77,9 +74,11 @@ impl<'g> Accumulator<'g> {
                 encoder.clear_buffer(&self.sum, 0, None);
                 encoder.clear_buffer(&self.tonemapped_sum, 0, None);
             }
-            for view in lot {
-                renderer.draw_color(&mut encoder, frame, *view, &self.target)?;
-                add.record(&mut encoder, None);
+            for group in lot.chunks(GROUP) {
+                for (i, view) in group.iter().enumerate() {
+                    renderer.draw_color(&mut encoder, frame, *view, &self.target, i)?;
+                }
+                self.addition(group.len())?.record(&mut encoder, None);
             }
             let submission = self.gpu.queue.submit([encoder.finish()]);
             self.gpu.wait(submission)?;
@@ -87,12 +86,26 @@ impl<'g> Accumulator<'g> {
         Ok(())
     }
 
+    /// What adds the first so many of the target's colours to the sums.
+    fn addition(&self, n_renders: usize) -> Result<Dispatch<'_>, GpuError> {
+        let [a, b, c, d] = &self.target.colors;
+        self.pass
+            .bind("render_0", a)
+            .bind("render_1", b)
+            .bind("render_2", c)
+            .bind("render_3", d)
+            .bind("sum", &self.sum)
+            .offer("tonemapped_sum", &self.tonemapped_sum)
+            .uniform("parameters", &[("n_renders", (n_renders as u32).into())])
+            .over(&self.gpu, a.extent())
+    }
+
     /// Reads the sums back as means.
     pub fn read(&self) -> Result<Mean, GpuError> {
-        let extent = self.target.color.extent();
+        let extent = self.target.colors[0].extent();
         let mut readback = self.pool.begin();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        let mut copy = |buffer: &wgpu::Buffer| readback.copy_buffer(self.gpu, &mut encoder, buffer, buffer.size());
+        let mut copy = |buffer: &wgpu::Buffer| readback.copy_buffer(&self.gpu, &mut encoder, buffer, buffer.size());
         let slot = copy(&self.sum);
         let tonemapped_slot = self.tonemapped.then(|| copy(&self.tonemapped_sum));
         let submission = self.gpu.queue.submit([encoder.finish()]);

@@ -3,7 +3,7 @@
 use super::{
     model::{Alpha, Filter, Material, Mesh, Scene},
     moment::Moment,
-    pipelines::{Kind, Pipelines, SURFACE_FORMATS, Variant},
+    pipelines::{DeviceObject, Kind, Pipelines, SURFACE_FORMATS, Variant},
     texture::Mips,
 };
 use crate::{
@@ -29,10 +29,10 @@ pub(super) struct View {
     pub seed: u32,
 }
 
-/// Where a view's colour goes.
+/// Where the colours of a few views go.
 #[derive(Debug)]
-pub(super) struct ColorTarget {
-    pub color: Texture,
+pub(super) struct ColorTarget<const N_VIEWS: usize> {
+    pub colors: [Texture; N_VIEWS],
     depth: Texture,
 }
 
@@ -43,10 +43,10 @@ pub(super) struct SurfaceTarget {
     depth: Texture,
 }
 
-impl ColorTarget {
+impl<const N_VIEWS: usize> ColorTarget<N_VIEWS> {
     pub fn new(gpu: &Gpu, extent: Extent) -> Self {
         Self {
-            color: Texture::target(gpu, "colour", extent, SURFACE_FORMATS[0]),
+            colors: std::array::from_fn(|_| Texture::target(gpu, "colour", extent, SURFACE_FORMATS[0])),
             depth: Texture::target(gpu, "depth test", extent, RasterSpec::DEPTH_FORMAT),
         }
     }
@@ -76,19 +76,6 @@ struct Batch {
     objects: Range<u32>,
 }
 
-/// As `Object` in `frame.wgsl`.
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct DeviceObject {
-    clip_from_object: [[f32; 4]; 4],
-    previous_clip_from_object: [[f32; 4]; 4],
-    world_from_object: [[f32; 4]; 4],
-    tint: [f32; 4],
-    id: u32,
-    seed: u32,
-    padding: [u32; 2],
-}
-
 /// As `PointLight` in `frame.wgsl`.
 #[derive(Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -103,8 +90,8 @@ struct DeviceLight {
 const MAX_LIGHTS: usize = 4;
 
 /// A scene on the device.
-pub(super) struct Renderer<'g> {
-    gpu: &'g Gpu,
+pub(super) struct Renderer {
+    gpu: Gpu,
     pub scene: Arc<Scene>,
     texturing: Texturing,
     pipelines: Pipelines,
@@ -129,8 +116,8 @@ pub(super) struct PreparedFrame {
     blended: Vec<usize>,
 }
 
-impl<'g> Renderer<'g> {
-    pub fn new(gpu: &'g Gpu, scene: Arc<Scene>, texturing: Texturing) -> Result<Self, GpuError> {
+impl Renderer {
+    pub fn new(gpu: &Gpu, scene: Arc<Scene>, texturing: Texturing) -> Result<Self, GpuError> {
         let n_lights = (scene.lighting)(0.0).points.len();
         assert!(n_lights <= MAX_LIGHTS, "a scene has at most {MAX_LIGHTS} lamps");
         let pipelines = Pipelines::new(gpu, &scene, n_lights)?;
@@ -139,7 +126,7 @@ impl<'g> Renderer<'g> {
         let (opaque, blended) = batches(&scene);
         gpu.scope("uploading a scene", || {
             Ok::<_, GpuError>(Self {
-                gpu,
+                gpu: gpu.clone(),
                 meshes: scene.meshes.iter().map(|mesh| upload(gpu, mesh)).collect(),
                 materials: bind_materials(gpu, &pipelines.raster, &scene, texturing)?,
                 opaque,
@@ -148,7 +135,7 @@ impl<'g> Renderer<'g> {
                     gpu,
                     "objects",
                     scene.objects.len().max(1) * size_of::<DeviceObject>(),
-                    wgpu::BufferUsages::STORAGE,
+                    wgpu::BufferUsages::VERTEX,
                 ),
                 lights: buffer(
                     gpu,
@@ -214,21 +201,18 @@ impl<'g> Renderer<'g> {
 
     fn upload_objects(&self, moment: &Moment) {
         let clip = [moment.camera.from_world(), moment.previous_camera.from_world()];
-        let columns = |matrix: DMat4| matrix.as_mat4().to_cols_array_2d();
+        let rows = |matrix: DMat4, kept: [usize; 3]| kept.map(|i| matrix.row(i).as_vec4().to_array());
         let objects: Vec<_> = self
             .scene
             .objects
             .iter()
             .zip(&moment.objects)
-            .enumerate()
-            .map(|(i, (object, [now, before]))| DeviceObject {
-                clip_from_object: columns(clip[0] * *now),
-                previous_clip_from_object: columns(clip[1] * *before),
-                world_from_object: columns(*now),
+            .map(|(object, [now, before])| DeviceObject {
+                clip_from_object: rows(clip[0] * *now, [0, 1, 3]),
+                previous_clip_from_object: rows(clip[1] * *before, [0, 1, 3]),
+                world_from_object: rows(*now, [0, 1, 2]),
                 tint: object.tint,
                 id: object.id,
-                seed: i as u32,
-                padding: [0; 2],
             })
             .collect();
         self.gpu
@@ -264,6 +248,7 @@ impl<'g> Renderer<'g> {
             ("sky_horizon", light.sky_horizon.into()),
             ("sky_ground", light.sky_ground.into()),
             ("ambient", light.ambient.into()),
+            ("near", (self.scene.near as f32).into()),
             ("shadow_from_world", columns(moment.shadow_from_world).into()),
             ("ray_axis", vector(axis).into()),
             ("ray_x", vector(x).into()),
@@ -275,11 +260,10 @@ impl<'g> Renderer<'g> {
             ),
         ];
         self.pipelines.raster.bind(
-            self.gpu,
+            &self.gpu,
             0,
             &[
                 ("frame", RasterBound::Uniform(&fields)),
-                ("objects", RasterBound::Buffer(&self.objects)),
                 ("lights", RasterBound::Buffer(&self.lights)),
                 ("shadow_map", RasterBound::Texture(shadow_map)),
                 ("shadow_sampler", RasterBound::Sampler(&self.shadow_sampler)),
@@ -299,7 +283,7 @@ impl<'g> Renderer<'g> {
         ];
         self.pipelines
             .raster
-            .bind(self.gpu, 1, &[("view", RasterBound::Uniform(&fields))])
+            .bind(&self.gpu, 1, &[("view", RasterBound::Uniform(&fields))])
     }
 
     fn draw_shadows(&self, group: &wgpu::BindGroup) -> Result<(), GpuError> {
@@ -323,15 +307,17 @@ impl<'g> Renderer<'g> {
         Ok(())
     }
 
-    /// Records a view of colour alone.
-    pub fn draw_color(
+    /// Records a view of colour alone, as one of those that `target` has room for.
+    pub fn draw_color<const N_VIEWS: usize>(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         frame: &PreparedFrame,
         view: View,
-        target: &ColorTarget,
+        target: &ColorTarget<N_VIEWS>,
+        index: usize,
     ) -> Result<(), GpuError> {
-        let view = self.bind_view(view, target.color.extent())?;
+        let color = &target.colors[index];
+        let view = self.bind_view(view, color.extent())?;
         {
             // Shading costs far more than rasterising: first find what is in front.
             let mut pass = begin(encoder, "depth", &[], &target.depth, Some(0.0));
@@ -341,7 +327,7 @@ impl<'g> Renderer<'g> {
                 self.draw(&mut pass, batch, |variant| variant.depth.as_ref());
             }
         }
-        let mut pass = begin(encoder, "colour", &[&target.color], &target.depth, None);
+        let mut pass = begin(encoder, "colour", &[color], &target.depth, None);
         self.draw_all(&mut pass, frame, &view, &self.pipelines.sky_color, |variant| {
             Some(&variant.color)
         });
@@ -421,6 +407,7 @@ impl<'g> Renderer<'g> {
         pass.set_bind_group(2, &self.materials[batch.material], &[]);
         pass.set_vertex_buffer(0, mesh.vertices.slice(..));
         pass.set_vertex_buffer(1, mesh.previous.as_ref().unwrap_or(&mesh.vertices).slice(..));
+        pass.set_vertex_buffer(2, self.objects.slice(..));
         pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
         pass.draw_indexed(0..mesh.n_indices, 0, batch.objects.clone());
     }
