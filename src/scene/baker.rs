@@ -134,7 +134,14 @@ impl Baker {
             }));
         }
         let referenced = settings.reference_samples > 0;
-        let sum = |gpu: &Gpu| Accumulator::new(gpu, settings.output_size, settings.karis);
+        let sum = |gpu: &Gpu| {
+            Accumulator::new(
+                gpu,
+                settings.output_size,
+                settings.reference_fineness(gpu),
+                settings.karis,
+            )
+        };
         let beside = |gpu: &Gpu| -> Result<_, GpuError> {
             let gpu = gpu.second()?;
             Ok((
@@ -148,7 +155,7 @@ impl Baker {
             beside: (referenced && gpu.is_cpu()).then(|| beside(gpu)).transpose()?,
             renderer: Renderer::new(gpu, scene, settings.texturing())?,
             surface: SurfaceTarget::new(gpu, settings.render_size),
-            input: Accumulator::new(gpu, settings.render_size, false)?,
+            input: Accumulator::new(gpu, settings.render_size, 1, false)?,
             disocclusion: settings
                 .disocclusion
                 .then(|| Disocclusion::new(gpu, settings.render_size))
@@ -194,6 +201,7 @@ impl Baker {
         let view = |jitter_px, salt: u32| View {
             jitter_px,
             seed: (seed >> 32) as u32 ^ salt,
+            fineness: 1,
         };
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.renderer
@@ -293,7 +301,9 @@ impl Baker {
         let half = |renderer: &Renderer, sum: &Accumulator, frame: &PreparedFrame, which: u64| -> Result<_, GpuError> {
             let begin = Instant::now();
             let seed = Random::new(seed.wrapping_add(1 + which)).bits();
-            let views = half_views(self.settings.reference_pattern, self.settings.reference_samples, seed);
+            let fineness = self.settings.reference_fineness(&self.gpu);
+            let (pattern, n_samples) = (self.settings.reference_pattern, self.settings.reference_samples);
+            let views = half_views(pattern, n_samples, fineness, seed);
             sum.accumulate(renderer, frame, &views)?;
             let drawn = Instant::now();
             Ok((sum.read()?, drawn - begin, drawn.elapsed()))

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "snake_case")]
 pub enum Pattern {
     /// Each half a grid of its own with one sample in a random place of every cell, so placed that every column and row
-    /// of the finer grid has one too (Chiu, Shirley and Wang, "Multi-jittered sampling", 1994).
+    /// of the finer grid has one too (Chiu, Shirley and Wang, "Multi-jittered sampling", 1994). Where renders are finer than
+    /// the reference, the quarters of a pixel share one such grid.
     #[default]
     Stratified,
     /// Halton's points in bases 2 and 3, moved by a random offset that each half has its own of.

@@ -7,7 +7,7 @@ use super::{
     renderer::{ColorTarget, PreparedFrame, Renderer, View},
 };
 use crate::{
-    gpu::{Dispatch, Gpu, GpuError, Pass, ReadbackPool},
+    gpu::{Gpu, GpuError, Pass, ReadbackPool},
     image::{Extent, Image},
     metrics::Display,
     sequence::{frame::Rgb, manifest::NoiseFloor},
@@ -16,14 +16,12 @@ use crate::{
 /// Renders that are submitted at once. The device is waited for after each lot, so that memory stays bounded.
 const LOT: usize = 16;
 
-/// Renders that are added to the sums at once.
-const GROUP: usize = 4;
-
 /// Sums of renders of one size.
 pub(super) struct Accumulator {
     gpu: Gpu,
     pass: Pass,
-    target: ColorTarget<GROUP>,
+    extent: Extent,
+    target: ColorTarget,
     sum: wgpu::Buffer,
     tonemapped_sum: wgpu::Buffer,
     tonemapped: bool,
@@ -41,8 +39,12 @@ pub(super) struct Mean {
 const SOURCE: &str = include_str!("../../shaders/scene/accumulate.wgsl");
 
 impl Accumulator {
-    pub fn new(gpu: &Gpu, extent: Extent, tonemapped: bool) -> Result<Self, GpuError> {
-        let overrides = [("TONEMAPPED", f64::from(u8::from(tonemapped)))];
+    /// Sums of `extent`, of renders so many times as fine along each axis.
+    pub fn new(gpu: &Gpu, extent: Extent, fineness: u32, tonemapped: bool) -> Result<Self, GpuError> {
+        let overrides = [
+            ("FINENESS", f64::from(fineness)),
+            ("TONEMAPPED", f64::from(u8::from(tonemapped))),
+        ];
         let pass = Pass::new(gpu, "accumulate", &[SOURCE], &overrides)?;
         gpu.scope("making room for a reference", || {
             let buffer = |n_pixels: usize| {
@@ -55,7 +57,8 @@ impl Accumulator {
             };
             Self {
                 gpu: gpu.clone(),
-                target: ColorTarget::new(gpu, extent),
+                extent,
+                target: ColorTarget::new(gpu, Extent::new(extent.width * fineness, extent.height * fineness)),
                 sum: buffer(extent.n_pixels()),
                 tonemapped_sum: buffer(if tonemapped { extent.n_pixels() } else { 1 }),
                 tonemapped,
@@ -67,6 +70,12 @@ impl Accumulator {
 
     /// Renders every view and leaves the sums on the device.
     pub fn accumulate(&self, renderer: &Renderer, frame: &PreparedFrame, views: &[View]) -> Result<(), GpuError> {
+        let add = self
+            .pass
+            .bind("render", &self.target.color)
+            .bind("sum", &self.sum)
+            .offer("tonemapped_sum", &self.tonemapped_sum)
+            .over(&self.gpu, self.extent)?;
         let mut first = true;
         for lot in views.chunks(LOT) {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
@@ -74,11 +83,9 @@ impl Accumulator {
                 encoder.clear_buffer(&self.sum, 0, None);
                 encoder.clear_buffer(&self.tonemapped_sum, 0, None);
             }
-            for group in lot.chunks(GROUP) {
-                for (i, view) in group.iter().enumerate() {
-                    renderer.draw_color(&mut encoder, frame, *view, &self.target, i)?;
-                }
-                self.addition(group.len())?.record(&mut encoder, None);
+            for view in lot {
+                renderer.draw_color(&mut encoder, frame, *view, &self.target)?;
+                add.record(&mut encoder, None);
             }
             let submission = self.gpu.queue.submit([encoder.finish()]);
             self.gpu.wait(submission)?;
@@ -86,23 +93,8 @@ impl Accumulator {
         Ok(())
     }
 
-    /// What adds the first so many of the target's colours to the sums.
-    fn addition(&self, n_renders: usize) -> Result<Dispatch<'_>, GpuError> {
-        let [a, b, c, d] = &self.target.colors;
-        self.pass
-            .bind("render_0", a)
-            .bind("render_1", b)
-            .bind("render_2", c)
-            .bind("render_3", d)
-            .bind("sum", &self.sum)
-            .offer("tonemapped_sum", &self.tonemapped_sum)
-            .uniform("parameters", &[("n_renders", (n_renders as u32).into())])
-            .over(&self.gpu, a.extent())
-    }
-
     /// Reads the sums back as means.
     pub fn read(&self) -> Result<Mean, GpuError> {
-        let extent = self.target.colors[0].extent();
         let mut readback = self.pool.begin();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let mut copy = |buffer: &wgpu::Buffer| readback.copy_buffer(&self.gpu, &mut encoder, buffer, buffer.size());
@@ -115,7 +107,7 @@ impl Accumulator {
             let bytes = readback.bytes(slot)?;
             let sums: &[[f32; 4]] = bytemuck::cast_slice(&bytes);
             let pixels = sums.iter().map(|[r, g, b, n]| [r / n, g / n, b / n]).collect();
-            Ok(Image::from_pixels(extent, pixels))
+            Ok(Image::from_pixels(self.extent, pixels))
         };
         Ok(Mean {
             linear: mean(slot)?,
@@ -135,12 +127,13 @@ fn unweighted(image: &Image<Rgb>) -> Image<Rgb> {
     })
 }
 
-/// The views of one half of a reference.
-pub(super) fn half_views(pattern: Pattern, n_samples: u32, seed: u64) -> Vec<View> {
-    let offsets = pattern.offsets_px(n_samples / 2, seed);
+/// The views of one half of a reference: so many renders, each `fineness` times as fine along each axis.
+pub(super) fn half_views(pattern: Pattern, n_samples: u32, fineness: u32, seed: u64) -> Vec<View> {
+    let offsets = pattern.offsets_px(n_samples / 2 / (fineness * fineness), seed);
     let view = |(i, jitter_px): (usize, [f64; 2])| View {
         jitter_px,
         seed: (seed as u32).wrapping_add(i as u32),
+        fineness,
     };
     offsets.into_iter().enumerate().map(view).collect()
 }

@@ -22,17 +22,20 @@ pub struct Texturing {
     pub mip_bias: f64,
 }
 
-/// One sample a pixel.
+/// One sample a pixel, or a grid of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
+    /// In pixels of the target.
     pub jitter_px: [f64; 2],
     pub seed: u32,
+    /// Pixels of the target for one that textures are filtered for, along each axis.
+    pub fineness: u32,
 }
 
-/// Where the colours of a few views go.
+/// Where a view's colour goes.
 #[derive(Debug)]
-pub(super) struct ColorTarget<const N_VIEWS: usize> {
-    pub colors: [Texture; N_VIEWS],
+pub(super) struct ColorTarget {
+    pub color: Texture,
     depth: Texture,
 }
 
@@ -43,10 +46,10 @@ pub(super) struct SurfaceTarget {
     depth: Texture,
 }
 
-impl<const N_VIEWS: usize> ColorTarget<N_VIEWS> {
+impl ColorTarget {
     pub fn new(gpu: &Gpu, extent: Extent) -> Self {
         Self {
-            colors: std::array::from_fn(|_| Texture::target(gpu, "colour", extent, SURFACE_FORMATS[0])),
+            color: Texture::target(gpu, "colour", extent, SURFACE_FORMATS[0]),
             depth: Texture::target(gpu, "depth test", extent, RasterSpec::DEPTH_FORMAT),
         }
     }
@@ -278,7 +281,10 @@ impl Renderer {
                 "jitter_ndc",
                 [ndc(0, extent.width, 1.0), ndc(1, extent.height, -1.0)].into(),
             ),
-            ("mip_bias", (self.texturing.mip_bias as f32).into()),
+            (
+                "mip_bias",
+                ((self.texturing.mip_bias + f64::from(view.fineness.ilog2())) as f32).into(),
+            ),
             ("seed", view.seed.into()),
         ];
         self.pipelines
@@ -291,6 +297,7 @@ impl Renderer {
         let no_view = View {
             jitter_px: [0.0; 2],
             seed: 0,
+            fineness: 1,
         };
         let view = self.bind_view(no_view, Extent::new(1, 1))?;
         {
@@ -307,17 +314,15 @@ impl Renderer {
         Ok(())
     }
 
-    /// Records a view of colour alone, as one of those that `target` has room for.
-    pub fn draw_color<const N_VIEWS: usize>(
+    /// Records a view of colour alone.
+    pub fn draw_color(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         frame: &PreparedFrame,
         view: View,
-        target: &ColorTarget<N_VIEWS>,
-        index: usize,
+        target: &ColorTarget,
     ) -> Result<(), GpuError> {
-        let color = &target.colors[index];
-        let view = self.bind_view(view, color.extent())?;
+        let view = self.bind_view(view, target.color.extent())?;
         {
             // Shading costs far more than rasterising: first find what is in front.
             let mut pass = begin(encoder, "depth", &[], &target.depth, Some(0.0));
@@ -327,7 +332,7 @@ impl Renderer {
                 self.draw(&mut pass, batch, |variant| variant.depth.as_ref());
             }
         }
-        let mut pass = begin(encoder, "colour", &[color], &target.depth, None);
+        let mut pass = begin(encoder, "colour", &[&target.color], &target.depth, None);
         self.draw_all(&mut pass, frame, &view, &self.pipelines.sky_color, |variant| {
             Some(&variant.color)
         });
@@ -360,6 +365,7 @@ impl Renderer {
         let no_jitter = View {
             jitter_px: [0.0; 2],
             seed: 0,
+            fineness: 1,
         };
         let view = self.bind_view(no_jitter, depth.extent())?;
         let mut pass = begin(encoder, "previous depth", &[], depth, Some(0.0));

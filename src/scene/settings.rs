@@ -97,6 +97,19 @@ impl BakeSettings {
         }
     }
 
+    /// Pixels of a reference's renders for one of the reference, along each axis. Small triangles cost by the block of pixels
+    /// that they touch and by their corners, so that a few finer renders are cheaper than many; a grid can be had of them,
+    /// Halton's points cannot.
+    pub(super) fn reference_fineness(&self, gpu: &Gpu) -> u32 {
+        let longest = self.output_size.width.max(self.output_size.height);
+        // Both halves in renders of four samples a pixel.
+        let divides = self.reference_samples.is_multiple_of(8);
+        match self.reference_pattern {
+            Pattern::Stratified if divides && 2 * longest <= gpu.max_side() => 2,
+            _ => 1,
+        }
+    }
+
     /// Checks what does not need a device.
     ///
     /// # Errors

@@ -220,3 +220,109 @@ impl Errors {
         (0..n).min_by(|&a, &b| self.sum(a).total_cmp(&self.sum(b))).unwrap_or(0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIDE: usize = 32;
+    const N_TILES: usize = 16;
+
+    fn tile_of(i: usize) -> usize {
+        (i / SIDE / 8) * 4 + i % SIDE / 8
+    }
+
+    /// A pattern with slopes in both directions, and its slope.
+    fn waves([x, y]: [f64; 2]) -> (f64, [f64; 2]) {
+        let ((sx, cx), (sy, cy)) = ((0.5 * x).sin_cos(), (0.4 * y).sin_cos());
+        (sx + sy, [0.5 * cx, 0.4 * cy])
+    }
+
+    fn position(i: usize) -> [f64; 2] {
+        [(i % SIDE) as f64, (i / SIDE) as f64]
+    }
+
+    /// Fits samples that a tile's own shift moved, against `pattern`.
+    fn fitted(pattern: impl Fn([f64; 2]) -> (f64, [f64; 2]), moved_by: impl Fn(usize) -> [f64; 2]) -> Option<Shift> {
+        let residual = |i: usize, d: [f64; 2]| {
+            let ([x, y], [mx, my]) = (position(i), moved_by(tile_of(i)));
+            let (value, slope) = pattern([x + d[0], y + d[1]]);
+            Some((pattern([x + mx, y + my]).0 - value, slope))
+        };
+        shift(SIDE * SIDE, N_TILES, tile_of, residual, [0.0; 2])
+    }
+
+    #[test]
+    fn a_shift_is_found_with_its_certainty() {
+        let found = fitted(waves, |_| [0.37, -0.21]).unwrap();
+        assert!(
+            (found.by[0] - 0.37).abs() < 1e-3 && (found.by[1] + 0.21).abs() < 1e-3,
+            "{found:?}"
+        );
+        assert!(found.sigma.iter().all(|sigma| *sigma < 1e-3), "{found:?}");
+        // Tiles that do not agree say so, each axis for itself.
+        let torn = fitted(waves, |tile| [if tile % 2 == 0 { 0.6 } else { -0.6 }, 0.0]).unwrap();
+        assert!(torn.sigma[0] > 0.05 && torn.sigma[1] < 0.5 * torn.sigma[0], "{torn:?}");
+    }
+
+    #[test]
+    fn a_shift_along_edges_is_not_guessed() {
+        let stripes = |[x, _]: [f64; 2]| (libm::sin(0.5 * x), [0.5 * libm::cos(0.5 * x), 0.0]);
+        assert!(fitted(stripes, |_| [0.3, 0.3]).is_none());
+        assert!(fitted(|_| (1.0, [0.0; 2]), |_| [0.3, 0.3]).is_none(), "nothing to see");
+        let far = fitted(
+            |[x, y]| (x + y + 0.1 * x * y, [1.0 + 0.1 * y, 1.0 + 0.1 * x]),
+            |_| [9.0, 9.0],
+        );
+        assert!(far.is_none(), "further than a shift can be: {far:?}");
+    }
+
+    /// Three explanations of `n_tiles` tiles: the second is right in `n_right` of them, the third says what the first says.
+    fn explained(n_tiles: usize, n_right: usize) -> Errors {
+        let mut errors = Errors::default();
+        for tile in 0..n_tiles {
+            // A little of its own in every tile, as real ones have it.
+            let own = 1.0 + 0.01 * (tile % 3) as f64;
+            let second = if tile < n_right { 0.0 } else { own };
+            let mut apart = [Apart::default(); 3];
+            apart[1].add(if tile < n_right { own } else { 0.0 });
+            errors.push_apart(vec![own, second, own], &apart, 1);
+        }
+        errors
+    }
+
+    #[test]
+    fn a_gain_needs_tiles_enough() {
+        let everywhere = explained(16, 16);
+        let gain = everywhere.gain(0, 1);
+        assert!((gain.share - 1.0).abs() < 1e-9 && gain.z > 20.0, "{gain:?}");
+        assert!(everywhere.gain(1, 0).z < -20.0);
+        assert_eq!(everywhere.best(), 1);
+        let same = everywhere.gain(0, 2);
+        assert_eq!((same.share, same.z), (0.0, 0.0));
+        // As sure of itself in each of its tiles, but there are two of them.
+        let gain = explained(16, 2).gain(0, 1);
+        assert!(gain.share > 0.1 && gain.z < 2.0, "{gain:?}");
+    }
+
+    #[test]
+    fn a_verdict_weighs_what_is_predicted_differently() {
+        assert!((explained(16, 16).verdict(1) - 1.0).abs() < 1e-9);
+        assert!(
+            (explained(16, 2).verdict(1) - 1.0).abs() < 1e-9,
+            "where they differ it is right"
+        );
+        assert_eq!(explained(16, 16).verdict(2), 0.0, "it says what the first says");
+        let one_tile = |first: f64, second: f64, apart: f64| {
+            let mut errors = Errors::default();
+            let mut aparts = [Apart::default(); 2];
+            aparts[1].add(apart);
+            errors.push_apart(vec![first, second], &aparts, 1);
+            errors.verdict(1)
+        };
+        assert_eq!(one_tile(0.0, 0.4, 0.4), -1.0);
+        assert_eq!(one_tile(0.5, 0.5, 0.4), 0.0);
+        // Less than eight bits can tell.
+        assert_eq!(one_tile(0.003, 0.0, 0.003), 0.0);
+    }
+}
