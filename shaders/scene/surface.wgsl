@@ -122,6 +122,12 @@ fn lit_by_point(light: PointLight, world: vec3f, n: vec3f, v: vec3f, albedo: vec
     return lit_by(n, v, to_light * inverse, light.color * (fade * fade), albedo, f0);
 }
 
+// What is interpolated across a triangle a fraction of a pixel thin need not be finite: on lavapipe one of some millions of pixels
+// of `blinds` is not.
+fn lost(v: vec3f) -> bool {
+    return any((bitcast<vec3u>(v) & vec3u(0x7f800000u)) == vec3u(0x7f800000u));
+}
+
 fn shade(world: vec3f, normal: vec3f, front: bool, albedo: vec3f) -> vec3f {
     let emitted = material.emissive * albedo;
     if !LIT {
@@ -155,7 +161,7 @@ fn shade(world: vec3f, normal: vec3f, front: bool, albedo: vec3f) -> vec3f {
     if N_LIGHTS > 3u {
         color += lit_by_point(lights[3], world, n, v, albedo, f0);
     }
-    return color;
+    return select(color, emitted + frame.ambient * albedo, lost(color));
 }
 
 // Premultiplied where it is blended.
@@ -193,13 +199,17 @@ fn fs_surface(in: SurfaceVarying, @builtin(front_facing) front: bool) -> Surface
     if !kept(in.position, in.seed, paint.a) {
         discard;
     }
+    var motion_depth = vec3f(motion_px(in.clip, in.previous_clip), in.clip.z);
+    if lost(motion_depth) {
+        motion_depth = vec3f(0.0, 0.0, frame.near / in.position.z);
+    }
     var reactive = material.reactive;
     if ALPHA == ALPHA_BLENDED {
         reactive *= paint.a;
     }
     return Surface(
         covered(shade(in.world, in.normal, front, paint.rgb), paint.a),
-        vec4f(motion_px(in.clip, in.previous_clip), in.clip.z, reactive),
+        vec4f(motion_depth, reactive),
         in.id,
         vec4f(paint.rgb, in.previous_clip.z),
     );

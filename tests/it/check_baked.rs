@@ -494,7 +494,7 @@ fn jitter_that_leans_or_never_changes() {
 /// What hurts a resolve most is not taken for a mistake of the dump.
 #[test]
 fn scenes_that_hurt_are_not_warned_of() {
-    for scene in ["fence", "foliage"] {
+    for scene in ["fence", "foliage", "blinds", "spaceship", "fireflies", "cut"] {
         let report = Baked::new(&settings(scene)).checked(&|_, _| ());
         assert!(report.is_clean(), "{scene}: {:?}", report.findings);
     }

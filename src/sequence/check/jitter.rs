@@ -163,12 +163,11 @@ impl Judged {
             .iter()
             .map(|reading| misfit(measured, |index| expected(reading, manifest, index), free_offset))
             .collect();
+        let fits = FITS.max(3.0 * sigma(measured));
         Self {
-            best: (0..misfits.len())
-                .min_by(|&a, &b| misfits[a].rms.total_cmp(&misfits[b].rms))
-                .unwrap_or(0),
+            best: likeliest(&misfits, fits),
             none: misfit(measured, |_| Some([0.0; 2]), free_offset),
-            fits: FITS.max(3.0 * sigma(measured)),
+            fits,
             first: measured[0],
             n_measured: measured.len(),
             readings,
@@ -188,7 +187,9 @@ impl Judged {
 
     fn another_fits(&self) -> bool {
         let best = self.misfits[self.best].rms;
-        best <= 0.6 * self.declared().rms && best <= self.fits.max(0.5 * self.none.rms)
+        // What is fitted to the measurements fits them a little better in any case.
+        let share = if self.readings[self.best].is_fitted() { 0.5 } else { 0.6 };
+        best <= share * self.declared().rms && best <= self.fits.max(0.5 * self.none.rms)
     }
 
     fn warning(&self, id: &str, message: String) -> Finding {
@@ -249,6 +250,17 @@ impl Judged {
     }
 }
 
+/// Of the readings that fit, the one whose samples lie least beside the declared grid: an offset is a mistake of its own. Else
+/// the one with the least misfit.
+fn likeliest(misfits: &[Misfit], fits: f64) -> usize {
+    let beside = |misfit: &Misfit| misfit.rms.hypot(misfit.offset[0]).hypot(misfit.offset[1]);
+    let fitting = (0..misfits.len()).filter(|&i| misfits[i].rms <= fits);
+    fitting
+        .min_by(|&a, &b| beside(&misfits[a]).total_cmp(&beside(&misfits[b])))
+        .or_else(|| (0..misfits.len()).min_by(|&a, &b| misfits[a].rms.total_cmp(&misfits[b].rms)))
+        .unwrap_or(0)
+}
+
 fn sigma(measured: &[Measured]) -> f64 {
     let sigmas = measured.iter().map(|m| m.shift.sigma[0].max(m.shift.sigma[1]));
     median(&sigmas.collect::<Vec<_>>())
@@ -291,7 +303,8 @@ pub fn judge(
         believe(belief, &judged.readings[judged.best]);
         return Some(judged.misfits[judged.best]);
     }
-    if declared.rms < UNEXPLAINED || declared.rms < 0.6 * judged.none.rms {
+    // A jitter that has nothing to do with the samples is further off than none at all.
+    if declared.rms < UNEXPLAINED || declared.rms < 0.8 * judged.none.rms {
         let reason = format!(
             "samples lie {:.2} px from where the jitter says, and no other reading fits better",
             declared.rms

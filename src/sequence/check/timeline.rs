@@ -111,6 +111,10 @@ pub fn cuts(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
     Ok(())
 }
 
+/// Share of the error that another frame's reference must take away. Thin wires that hardly move take a few hundredths of it away by
+/// chance; the right reference takes a fifth and more where the scene moves.
+const MIN_SHARE: f64 = 0.1;
+
 /// Whether another frame's reference fits better.
 pub fn reference_frame(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
     let n_frames = belief.sequence.n_frames();
@@ -135,7 +139,7 @@ pub fn reference_frame(belief: &Belief, report: &mut Report) -> Result<(), Seque
     let best = errors.best();
     let gain = errors.gain(0, best);
     let what = belief.guide.name();
-    if best != 0 && errors.verdict(best) >= MIN_VERDICT && gain.z > 4.0 {
+    if best != 0 && gain.share >= MIN_SHARE && errors.verdict(best) >= MIN_VERDICT && gain.z > 4.0 {
         let (whose, by) = if best == 1 {
             ("the frame before", -1)
         } else {

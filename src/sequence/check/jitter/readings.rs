@@ -57,6 +57,11 @@ impl Reading {
         }))
     }
 
+    /// Whether its size was fitted to what was measured, and is not one that people choose.
+    pub fn is_fitted(&self) -> bool {
+        libm::log2(self.factor).fract() != 0.0
+    }
+
     fn is_possible(&self, manifest: &Manifest) -> bool {
         (0..manifest.frames.len()).all(|index| {
             let jitter = self.jitter_px(manifest, index);
