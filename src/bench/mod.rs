@@ -14,6 +14,7 @@ mod tune;
 
 pub use clock::Clock;
 pub use csv::csv;
+pub use sweep::{MAX_SETTINGS, knobs};
 pub use tune::{textured, tune};
 
 use crate::{
@@ -61,8 +62,10 @@ pub struct BenchSpec {
     pub n_timed: usize,
 }
 
-const LEAST_TIMED: usize = 20;
-const MOST_TIMED: usize = 1000;
+/// Fewer timed frames say too little of a median.
+pub const LEAST_TIMED: usize = 20;
+/// More would not make it better.
+pub const MOST_TIMED: usize = 1000;
 
 fn least_timed() -> usize {
     LEAST_TIMED

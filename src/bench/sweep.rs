@@ -5,7 +5,10 @@ use crate::{
     gpu::Workgroup,
     run::{PresetSpec, Unfit, admits},
     sequence::Sequence,
-    taa::{Options, Precision, Preset, Recipe, Skip},
+    taa::{
+        Options, Precision, Preset, Recipe, Skip,
+        recipe::{Choice, Kind, Parameter},
+    },
 };
 use serde_json::{Map, Value};
 
@@ -16,7 +19,41 @@ const WORKGROUP_MEMORY: &str = "workgroup_memory";
 const SKIP: &str = "skip";
 
 /// The most settings of one benchmark; more would take a day.
-const MAX_SETTINGS: usize = 512;
+pub const MAX_SETTINGS: usize = 512;
+
+/// What can be turned beside the parameters of a recipe, described as those are, with the values worth trying.
+pub fn knobs() -> [Parameter; 4] {
+    let choices = |name: &str, description: &str, values: &[&str]| {
+        let value = |name: &&str| Choice {
+            name: (*name).to_owned(),
+            description: String::new(),
+        };
+        Parameter {
+            name: name.to_owned(),
+            description: description.to_owned(),
+            unit: None,
+            kind: Kind::Choice {
+                values: values.iter().map(value).collect(),
+            },
+            default: Value::Null,
+        }
+    };
+    let shapes = Workgroup::CANDIDATES.map(|shape| shape.to_string());
+    let shapes: Vec<&str> = shapes.iter().map(String::as_str).collect();
+    [
+        choices(HISTORY, "How history is stored", &["f16", "f32"]),
+        choices(SKIP, "Which work may be left out", &["off", "exact"]),
+        choices(WORKGROUP, "Invocations of a workgroup, columns by rows", &shapes),
+        Parameter {
+            kind: Kind::Flag,
+            ..choices(
+                WORKGROUP_MEMORY,
+                "Whether neighbours are shared through workgroup memory",
+                &[],
+            )
+        },
+    ]
+}
 
 /// One combination, ready to run.
 #[derive(Clone, Debug)]
@@ -48,6 +85,9 @@ impl Setting {
 
 /// The settings of `spec` that can run on `sequence`, and why the others cannot.
 pub fn settings(spec: &BenchSpec, sequence: &Sequence) -> Result<(Vec<Setting>, Vec<String>), BenchError> {
+    if spec.presets.is_empty() {
+        return Err(BenchError::input("presets", "name at least one".to_owned()));
+    }
     let (mut settings, mut left_out) = (Vec::new(), Vec::new());
     let n_settings = spec.knobs.values().map(Vec::len).product::<usize>() * spec.presets.len();
     if n_settings > MAX_SETTINGS {
@@ -107,7 +147,7 @@ fn setting(
         .recipe;
     let known = base.to_json();
     if let Some(unknown) = of_recipe.keys().find(|name| known.get(name.as_str()).is_none()) {
-        let others = format!("`{HISTORY}`, `{SKIP}`, `{WORKGROUP}`, `{WORKGROUP_MEMORY}`");
+        let others = knobs().map(|knob| format!("`{}`", knob.name)).join(", ");
         let message = format!("`{unknown}` is no knob: there are {others}, and the parameters of a recipe");
         return Err(BenchError::input("knobs", message));
     }

@@ -19,7 +19,7 @@ use crate::{
 };
 pub use comparison::{Comparison, compare_outputs};
 use plan::Plan;
-pub use plan::{Unfit, admits};
+pub use plan::{MAX_REPEAT, Unfit, admits};
 use report::Report;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

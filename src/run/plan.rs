@@ -39,7 +39,7 @@ pub struct System {
 }
 
 /// The most often a pass is timed.
-const MAX_REPEAT: u32 = 100;
+pub const MAX_REPEAT: u32 = 100;
 
 impl Plan {
     pub fn new(spec: &RunSpec, sequence: &Sequence) -> Result<Self, RunError> {

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     hex::hex,
     metrics::Metric,
-    run::{self, MetricsOn, PresetSpec, RunSpec, Until, Validate},
+    run::{self, MAX_REPEAT, MetricsOn, PresetSpec, RunSpec, Until, Validate},
     sequence::Sequence,
     store::{Cancelled, Images, Job, JobFilter, JobSpec, NewJob, Outputs, Report, ReportFilter, Status, Timestamp},
     taa::{Precision, Preset, Skip},
@@ -102,7 +102,6 @@ fn default_repeat() -> u32 {
     1
 }
 
-const MAX_REPEAT: u32 = 100;
 const MAX_PRESETS: usize = 64;
 
 /// A preset by its id, or with overrides.

@@ -109,9 +109,10 @@ struct System {
     recipe: Recipe,
 }
 
-/// The most pixels of a frame; with them most frames, so that no request fills the memory.
-const MAX_SIDE: u32 = 16384;
-const MAX_FRAMES: usize = 10_000_000;
+/// The most pixels a side of a frame; with the most frames, so that no request fills the memory.
+pub const MAX_SIDE: u32 = 16384;
+/// The most frames of a hazard.
+pub const MAX_FRAMES: usize = 10_000_000;
 
 /// Cells that run at once, for every thread of the host: most of the time one waits for the adapter.
 const THREADS_PER_CPU: usize = 2;

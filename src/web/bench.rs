@@ -37,7 +37,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<BenchQuery>)
     let content = match query.job.or_else(|| runs.first().map(|run| run.job_id)) {
         None => html! {
             h1 { "Run time against error" }
-            p { "Nothing has been measured yet. Post a sweep of settings over a sequence, and follow its job:" }
+            p { "Nothing has been measured yet. " (new_job()) " or post a sweep of settings over a sequence, and follow its job:" }
             pre { "curl -X POST -H 'content-type: application/json' -d '{\"sequence\": \"pan\", \"bench\": {\"presets\": [{\"preset\": \"inside\"}, {\"preset\": \"karis2014\"}], \"knobs\": {\"history\": [\"f16\", \"f32\"]}, \"metrics\": [\"psnr\"], \"metric\": \"psnr\"}}' HOST/api/v1/bench" }
         },
         Some(job_id) => {
@@ -47,6 +47,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<BenchQuery>)
             }
             html! {
                 h1 { "Run time against error" }
+                p { (new_job()) }
                 (heading(&run))
                 (metrics(&run))
                 (chart(&run, &runs))
@@ -63,6 +64,10 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<BenchQuery>)
         content,
     };
     Ok(page.render(&service))
+}
+
+fn new_job() -> Markup {
+    html! { a.button href="/jobs/new?kind=bench" { "New benchmark" } }
 }
 
 fn heading(run: &BenchRun) -> Markup {
@@ -86,10 +91,12 @@ fn metrics(run: &BenchRun) -> Markup {
     let ids = run.report.points.first().map(|point| point.metrics.keys());
     html! {
         p { "On "
-            @for id in ids.into_iter().flatten() {
-                a href={ "/bench?job=" (run.job_id) "&metric=" (id) } aria-current=[(id == run.report.metric.id()).then_some("true")] { (id) } " "
+            @for (i, id) in ids.into_iter().flatten().enumerate() {
+                @if i > 0 { ", " }
+                @if id == run.report.metric.id() { strong { (id) } }
+                @else { a href={ "/bench?job=" (run.job_id) "&metric=" (id) } { (id) } }
             }
-            "· " a href={ "/api/v1/bench/" (run.job_id) "/front.svg?metric=" (run.report.metric) } { "picture" }
+            " · " a href={ "/api/v1/bench/" (run.job_id) "/front.svg?metric=" (run.report.metric) } { "picture" }
             " · " a href={ "/api/v1/bench/" (run.job_id) "/points.csv?metric=" (run.report.metric) } { "CSV" }
             " · " a href={ "/api/v1/bench/" (run.job_id) } { "JSON" }
         }

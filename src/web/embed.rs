@@ -9,6 +9,7 @@ use super::{
     query::Query,
 };
 use crate::{
+    axis::Axis,
     server::Shared,
     store::{Series, Timestamp},
 };
@@ -101,7 +102,7 @@ fn two_parts(label: &str, value: &str, color: &str) -> Markup {
 /// Where values and times lie in the picture.
 struct Frame {
     times: [f64; 2],
-    values: [f64; 2],
+    values: Axis,
 }
 
 // The chart's edges in the picture.
@@ -124,11 +125,10 @@ impl Frame {
             Some([low, points().map(key).reduce(f64::max)?])
         };
         let times = of(&|point| point.created_at.0 as f64)?;
-        let [low, high] = of(&|point| point.value.0)?;
-        let air = ((high - low) * 0.08).max(high.abs() * 1e-4).max(1e-9);
+        let values = of(&|point| point.value.0)?;
         Some(Self {
             times: [times[0], times[1].max(times[0] + 1.0)],
-            values: [low - air, high + air],
+            values: Axis::linear(values.into_iter()),
         })
     }
 
@@ -138,8 +138,7 @@ impl Frame {
     }
 
     fn y(&self, value: f64) -> f64 {
-        let [low, high] = self.values;
-        BOTTOM - (BOTTOM - TOP) * (value - low) / (high - low)
+        BOTTOM - (BOTTOM - TOP) * self.values.place(value)
     }
 }
 
@@ -163,11 +162,9 @@ fn draw(metric: &str, lines: &[Line]) -> Markup {
 }
 
 fn inside(metric: &str, lines: &[Line], styles: &[super::lines::Style], frame: &Frame) -> Markup {
-    let [low, high] = frame.values;
-    let ticks = (0..=4).map(|i| low + (high - low) * f64::from(i) / 4.0);
     let date = |ms: f64| Timestamp(ms as i64).to_string().chars().take(10).collect::<String>();
     html! {
-        @for value in ticks {
+        @for &value in frame.values.ticks() {
             @let y = format!("{:.1}", frame.y(value));
             line x1=(LEFT) x2=(RIGHT) y1=(y) y2=(y) stroke="#e3e3df" {}
             text x=(LEFT - 6.0) y=(y) text-anchor="end" dominant-baseline="middle" fill="#63676e" { (format::value(metric, Some(crate::metrics::Value(value)))) }

@@ -50,7 +50,9 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<JobsQuery>) 
         .map(|job| job.id);
     let content = html! {
         h1 { "Jobs" }
-        p { a.button href="/jobs/new" { "New job" } }
+        p.buttons {
+            a.button href="/jobs/new" { "New job" } a.button href="/jobs/new?kind=bench" { "New benchmark" } a.button href="/jobs/new?kind=stress" { "New matrix" }
+        }
         form.filters {
             label { "Status" select name="status" {
                 option value="" { "all" }

@@ -1,17 +1,19 @@
-//! `/jobs/new`: a form for `POST /jobs`, made of the same lists that the API gives: presets with their parameters' units and
-//! ranges, metrics, precisions. The script keeps the equivalent request beside it. `?from=` takes over an earlier job.
+//! `/jobs/new`: forms for what can be queued, made of the lists that the API checks requests against: recipes with their
+//! parameters' units and ranges, metrics, knobs, hazards. A control's name is its place in the request, so that one script
+//! serves every form and keeps the equivalent request beside it. `?kind=` chooses the form, `?from=` takes over a job.
+
+mod fields;
+mod forms;
 
 use super::{
     layout::{Page, PageError, Section, script_data},
-    parts,
-    query::Query,
+    query::{Query, href},
 };
 use crate::{
-    metrics::Metric,
     run::Validate,
     server::{ApiError, Shared},
-    store::{Job, Sequence},
-    taa::PRESETS,
+    store::{Job, JobSpec, Provenance},
+    stress::StressSpec,
 };
 use axum::{
     extract::{RawQuery, State},
@@ -20,7 +22,80 @@ use axum::{
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
-const MAX_REPEAT: u32 = 100;
+/// What can be queued.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Run,
+    Bench,
+    Stress,
+    Comparison,
+}
+
+impl Kind {
+    const ALL: [Self; 4] = [Self::Run, Self::Bench, Self::Stress, Self::Comparison];
+
+    fn of(spec: &JobSpec) -> Self {
+        match spec {
+            JobSpec { stress: Some(_), .. } => Self::Stress,
+            JobSpec { bench: Some(_), .. } => Self::Bench,
+            JobSpec { outputs: Some(_), .. } => Self::Comparison,
+            _ => Self::Run,
+        }
+    }
+
+    /// As the address has it.
+    fn id(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Bench => "bench",
+            Self::Stress => "stress",
+            Self::Comparison => "comparison",
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Run => "Recipes on a sequence",
+            Self::Bench => "Time and error",
+            Self::Stress => "Stability",
+            Self::Comparison => "Images from elsewhere",
+        }
+    }
+
+    /// Where the request goes.
+    fn path(self) -> &'static str {
+        match self {
+            Self::Run | Self::Comparison => "/jobs",
+            Self::Bench => "/bench",
+            Self::Stress => "/stress",
+        }
+    }
+
+    /// What the request means where it says nothing, so that it need not be said.
+    fn usual(self) -> Value {
+        match self {
+            Self::Run => {
+                json!({"history": "f16", "images": "half", "repeat": 1, "skip": "off", "project": "default"})
+            }
+            Self::Bench => json!({"bench": {"history": "f16", "n_timed": 20, "knobs": {}}, "project": "default"}),
+            Self::Stress => json!({"stress": StressSpec::default(), "project": "default"}),
+            Self::Comparison => json!({}),
+        }
+    }
+
+    /// What an empty form holds.
+    fn blank(self) -> Value {
+        match self {
+            Self::Run => json!({"metrics": ["psnr", "ssim", "flip"]}),
+            Self::Bench => json!({"bench": {"metrics": ["psnr"], "metric": "psnr", "n_timed": 20}}),
+            Self::Stress => json!({"stress": StressSpec { quick: true, ..StressSpec::default() }}),
+            Self::Comparison => json!({
+                "sequence": "", "metrics": ["psnr", "ssim", "flip"],
+                "outputs": {"system": "ours", "images": {"0": "<SHA-256 of frame 0's file>"}},
+            }),
+        }
+    }
+}
 
 /// `GET /jobs/new`
 pub async fn page(State(service): Shared, RawQuery(query): RawQuery) -> Result<Html<String>, PageError> {
@@ -32,27 +107,26 @@ pub async fn page(State(service): Shared, RawQuery(query): RawQuery) -> Result<H
         }
         None => None,
     };
-    let mut body = from.as_ref().map_or_else(|| json!({}), request);
+    let asked = Kind::ALL.into_iter().find(|kind| query.one("kind") == Some(kind.id()));
+    let kind = match &from {
+        Some(job) => Kind::of(&job.spec),
+        None => asked.unwrap_or(Kind::Run),
+    };
+    let mut body = from.as_ref().map_or_else(|| kind.blank(), request);
     if let (Some(sequence), Some(body)) = (query.one("sequence"), body.as_object_mut()) {
         body.insert("sequence".to_owned(), sequence.into());
     }
-    let spec = from.as_ref().map(|job| &job.spec);
-    let is_plain = spec.is_none_or(|spec| spec.stress.is_none() && spec.outputs.is_none() && spec.bench.is_none());
     let sequences = service.store.sequences().await?;
-    let path = match spec {
-        Some(spec) if spec.stress.is_some() => "/stress",
-        Some(spec) if spec.bench.is_some() => "/bench",
-        _ => "/jobs",
-    };
     let content = html! {
         h1 { "New job" }
+        (kinds(kind, query.one("sequence")))
         @if let Some(job) = &from { p.muted { "As " a href={ "/jobs/" (job.id) } { "job " (job.id) } " was." } }
         noscript { div.notice { p { "Without scripts this form cannot be sent; the request below can." } } }
         div #trouble.notice.bad role="alert" hidden {}
-        @if is_plain { (form(&sequences, &body)) } @else { (raw(&body)) }
+        (forms::form(kind, &sequences, &body))
         h2 { "The same request" }
-        pre #curl tabindex="0" { (curl(path, &body)) }
-        (script_data(&json!({"body": body, "path": path, "plain": is_plain}))?)
+        pre #curl tabindex="0" { (curl(kind.path(), &body)) }
+        (script_data(&json!({"body": body, "path": kind.path(), "usual": kind.usual()}))?)
     };
     let page = Page {
         title: "New job",
@@ -64,41 +138,50 @@ pub async fn page(State(service): Shared, RawQuery(query): RawQuery) -> Result<H
     Ok(page.render(&service))
 }
 
+fn kinds(chosen: Kind, sequence: Option<&str>) -> Markup {
+    html! {
+        nav.kinds aria-label="Kinds of jobs" { @for kind in Kind::ALL {
+            a href=(href("/jobs/new", [("kind", Some(kind.id().to_owned())), ("sequence", sequence.map(str::to_owned))]))
+                aria-current=[(kind == chosen).then_some("page")] { (kind.name()) }
+        } }
+    }
+}
+
 /// The body that would queue a job again.
-pub fn request(job: &Job) -> Value {
+fn request(job: &Job) -> Value {
     let (spec, run) = (&job.spec, &job.spec.run);
-    if let Some(stress) = &spec.stress {
-        return json!({"stress": stress, "project": job.project});
+    let sequence = &job.sequence_hash;
+    let mut body = match Kind::of(spec) {
+        Kind::Stress => json!({"stress": spec.stress}),
+        Kind::Bench => json!({"sequence": sequence, "bench": spec.bench}),
+        Kind::Run | Kind::Comparison => json!({
+            "sequence": sequence, "metrics": run.metrics, "history": run.history, "repeat": run.repeat,
+            "frames": run.n_frames, "images": spec.images, "skip": run.skip, "until": run.until, "force": true,
+            "validate": run.validate != Validate::No, "bisect": run.validate == Validate::Bisect,
+        }),
+    };
+    match (&spec.outputs, Kind::of(spec)) {
+        (Some(outputs), _) => body["outputs"] = json!(outputs),
+        (None, Kind::Run) => body["presets"] = json!(run.presets),
+        _ => {}
     }
-    let (provenance, sequence) = (&job.provenance, &job.sequence_hash);
-    if let Some(bench) = &spec.bench {
-        return json!({"sequence": sequence, "bench": bench, "project": job.project});
+    let Provenance {
+        branch, commit, label, ..
+    } = &job.provenance;
+    body["project"] = json!(job.project);
+    for (name, value) in [("branch", branch), ("commit", commit), ("label", label)] {
+        body[name] = json!(value);
     }
-    let mut body = json!({
-        "sequence": sequence, "metrics": run.metrics, "history": run.history, "repeat": run.repeat,
-        "images": spec.images, "project": job.project, "skip": run.skip, "force": true,
-    });
-    let optional = [
-        ("frames", json!(run.n_frames)),
-        ("branch", json!(provenance.branch)),
-        ("commit", json!(provenance.commit)),
-        ("label", json!(provenance.label)),
-        ("until", json!(run.until)),
-    ];
-    for (name, value) in optional {
-        if !value.is_null() {
-            body[name] = value;
-        }
-    }
-    if run.validate != Validate::No {
-        body["validate"] = json!(true);
-        body["bisect"] = json!(run.validate == Validate::Bisect);
-    }
-    match &spec.outputs {
-        Some(outputs) => body["outputs"] = json!(outputs),
-        None => body["presets"] = json!(run.presets),
-    }
+    without_nothing(&mut body);
     body
+}
+
+/// Removes what says nothing: null, and what is not ticked.
+fn without_nothing(value: &mut Value) {
+    if let Value::Object(fields) = value {
+        fields.retain(|_, value| !value.is_null() && *value != false);
+        fields.values_mut().for_each(without_nothing);
+    }
 }
 
 fn curl(path: &str, body: &Value) -> String {
@@ -108,80 +191,24 @@ fn curl(path: &str, body: &Value) -> String {
     format!("curl http://localhost:8080/api/v1{path} -H 'content-type: application/json' -d '{body}'")
 }
 
-/// A request that the form has no fields for.
-fn raw(body: &Value) -> Markup {
-    html! {
-        form #job {
-            label { "Request" textarea name="body" rows="16" spellcheck="false" { (serde_json::to_string_pretty(body).unwrap_or_default()) } }
-            button { "Start" }
-        }
-    }
-}
-
-fn form(sequences: &[Sequence], body: &Value) -> Markup {
-    let text = |name: &str| body[name].as_str().unwrap_or_default().to_owned();
-    let chosen = sequences
-        .iter()
-        .find(|sequence| [&sequence.hash, &sequence.name].contains(&&text("sequence")));
-    let names = sequences.iter().map(|sequence| {
-        let hash = sequence.hash.get(..6).unwrap_or(&sequence.hash);
-        let words = format!(
-            "{} ({hash}), {} frames, {}",
-            sequence.name, sequence.n_frames, sequence.output_size
-        );
-        (sequence.hash.clone(), words)
-    });
-    let metrics: Vec<&str> = match body["metrics"].as_array() {
-        Some(metrics) => metrics.iter().filter_map(Value::as_str).collect(),
-        None => vec!["psnr", "ssim", "flip"],
-    };
-    let field = |label: &str, name: &str, hint: &str| {
-        html! { label { (label) input type="text" name=(name) value=(text(name)) placeholder=(hint) autocomplete="off"; } }
-    };
-    html! {
-        form #job {
-            div.controls { (parts::select("Sequence", "sequence", names, chosen.map_or("", |sequence| &sequence.hash), None)) }
-            fieldset { legend { "Recipes" }
-                div.presets { @for preset in &PRESETS {
-                    div.preset data-preset=(preset.id) {
-                        label { input type="checkbox" name="preset" value=(preset.id); " " b { (preset.id) } " " span.muted { (preset.description) } }
-                        details { summary { "Parameters" } div.parameters {} }
-                    }
-                } }
-            }
-            fieldset { legend { "Metrics" }
-                div.ticks { @for metric in Metric::ALL {
-                    label title=(metric.info().description) { input type="checkbox" name="metric" value=(metric.id()) checked[metrics.contains(&metric.id())]; " " (metric.id()) }
-                } }
-            }
-            fieldset { legend { "How" }
-                div.controls {
-                    (parts::select("History", "history", parts::same(["f16", "f32"]), if text("history") == "f32" { "f32" } else { "f16" }, None))
-                    (parts::select("Images kept", "images", parts::same(["half", "float", "none"]), &text("images"), None))
-                    label { "Each pass timed" input type="number" name="repeat" min="1" max=(MAX_REPEAT) value=(body["repeat"].as_u64().unwrap_or(1)); }
-                    label { "Only the first frames" input type="number" name="frames" min="1" value=[body["frames"].as_u64()] placeholder="all"; }
-                    label.tick { input type="checkbox" name="validate" checked[body["validate"] == true]; " hold against the twin" }
-                    label.tick { input type="checkbox" name="bisect" checked[body["bisect"] == true]; " and find the pass that is wrong" }
-                }
-            }
-            fieldset { legend { "Where it belongs" }
-                div.controls {
-                    (field("Project", "project", "default")) (field("Branch", "branch", "none"))
-                    (field("Commit", "commit", "none")) (field("Label", "label", "none"))
-                }
-            }
-            button.main { "Start" }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bench::BenchSpec;
 
     #[test]
     fn quotes_in_a_request_do_not_end_the_shells() {
         let text = curl("/jobs", &json!({"label": "it's"}));
         assert!(text.contains("it'\\''s"), "{text}");
+    }
+
+    #[test]
+    fn what_is_called_usual_is_what_requests_mean() {
+        let bench = json!({"presets": [], "metrics": ["psnr"], "metric": "psnr"});
+        let bench: BenchSpec = serde_json::from_value(bench).unwrap();
+        let bench = serde_json::to_value(bench).unwrap();
+        for (name, value) in Kind::Bench.usual()["bench"].as_object().unwrap() {
+            assert_eq!(&bench[name], value, "{name}");
+        }
     }
 }

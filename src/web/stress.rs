@@ -33,13 +33,14 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<StressQuery>
     let content = match job_id {
         None => html! {
             h1 { "Stability" }
-            p { "No recipe has been put under stress yet. Post a matrix, and follow its job:" }
+            p { "No recipe has been put under stress yet. " (new_job()) " or post a matrix, and follow its job:" }
             pre { "curl -X POST -H 'content-type: application/json' -d '{\"stress\": {\"quick\": true}}' HOST/api/v1/stress" }
         },
         Some(job_id) => {
             let (run, cells) = stress::find(&service, job_id).await?;
             html! {
                 h1 { "Stability" }
+                p { (new_job()) }
                 (heading(&run))
                 (matrix(&run, &cells))
                 @if runs.len() > 1 { (others(&runs)) }
@@ -54,6 +55,10 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<StressQuery>
         content,
     };
     Ok(page.render(&service))
+}
+
+fn new_job() -> Markup {
+    html! { a.button href="/jobs/new?kind=stress" { "New matrix" } }
 }
 
 fn heading(run: &StressRun) -> Markup {

@@ -21,6 +21,7 @@ mod images;
 mod jobs;
 mod masks;
 mod negative_controls;
+mod new_jobs;
 mod openapi;
 mod paper;
 mod posting;

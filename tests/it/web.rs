@@ -412,7 +412,7 @@ fn a_job_is_made_watched_and_cancelled() {
     page.go(&service.url("/jobs/new"));
     page.click("button.main");
     page.until("document.getElementById('trouble').innerText.includes('presets')");
-    page.click("[data-preset=ema] input[name=preset]");
+    page.click("[data-preset=ema] input[data-tick=preset]");
     page.click("[data-preset=ema] summary");
     page.until("document.querySelector('[data-preset=ema] input[name=current_weight]')");
     page.value(
