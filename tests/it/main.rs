@@ -39,6 +39,7 @@ mod stress_sketches;
 mod support;
 mod temporal;
 mod tidy;
+mod traces;
 mod upsampling;
 mod validation;
 mod verdicts;
