@@ -23,6 +23,7 @@ mod masks;
 mod negative_controls;
 mod new_jobs;
 mod openapi;
+mod pages;
 mod paper;
 mod posting;
 mod presets;
