@@ -11,10 +11,10 @@ use crate::{
         Image,
         files::{
             FileReader,
-            exr::{FloatFormat, write_rgb_exr},
+            exr::{FloatFormat, write_map_exr, write_rgb_exr},
         },
     },
-    run::{self, Comparison, Observer, RunError, RunSpec, report::AdapterInfo, report::Report},
+    run::{self, Comparison, Observer, RunError, RunSpec, Trace, report::AdapterInfo, report::Report},
     sequence::{Sequence, frame::Rgb},
     store::{
         Claim, DataFolder, Environment, Failure, FailureKind, Images, Outputs, Status, Store, StoreError, Timestamp,
@@ -409,6 +409,18 @@ impl Observer for JobObserver<'_> {
             fs::create_dir_all(folder)?;
         }
         write_rgb_exr(&path, image, format).map_err(io::Error::other)
+    }
+
+    fn trace(
+        &self,
+        preset_index: usize,
+        frame_index: usize,
+        trace: Trace,
+        image: &Image<f32>,
+    ) -> Result<(), io::Error> {
+        let folder = &self.worker.folder;
+        let path = folder.trace(self.claim.job_id, preset_index, frame_index, trace);
+        write_map_exr(&path, image).map_err(io::Error::other)
     }
 
     fn cancelled(&self) -> bool {

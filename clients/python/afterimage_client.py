@@ -1966,7 +1966,7 @@ class Client:
 
         report: Number.
         frame: Frame index, from 0.
-        image: `output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`.
+        image: `output`, `reference`, `error`, `history`, `skipped` or a spatial metric's id, with `.png` or `.exr`.
         max: The error, in display values, or the value of a map that is drawn white.
         width: Make a PNG at most so wide, 16 to 4096 pixels."""
         return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'max': max, 'width': width}, {}, None)
@@ -2024,7 +2024,7 @@ class Client:
 
         sequence: Content hash, or the name it was last put under.
         frame: Frame index, from 0.
-        image: `output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`.
+        image: `output`, `reference`, `error`, `history`, `skipped` or a spatial metric's id, with `.png` or `.exr`.
         width: Make a PNG at most so wide, 16 to 4096 pixels."""
         return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'width': width}, {}, None)
 

@@ -210,6 +210,15 @@ impl Readback {
             });
         Ok(Image::from_pixels(extent, pixels))
     }
+
+    /// The alpha of the same.
+    pub fn alpha(&self, slot: usize, extent: crate::image::Extent) -> Result<Image<f32>, GpuError> {
+        let texels = self.texels::<[f32; 4]>(slot, extent)?;
+        Ok(Image::from_pixels(
+            extent,
+            texels.into_iter().map(|rgba| rgba[3]).collect(),
+        ))
+    }
 }
 
 impl Drop for Readback {

@@ -117,6 +117,28 @@ impl RunSpec {
     }
 }
 
+/// What is kept of how an image came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trace {
+    /// The share of history in each pixel's blend, 0 to 1, before anything is sharpened or blurred; 0 where there was none.
+    HistoryShare,
+    /// A pixel a tile of [`TILE`](crate::taa::TILE) by as many pixels: 1 where nothing was computed, because it would have been what is there.
+    SkippedTiles,
+}
+
+impl Trace {
+    /// Each.
+    pub const ALL: [Self; 2] = [Self::HistoryShare, Self::SkippedTiles];
+
+    /// Stored id; never changes.
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::HistoryShare => "history",
+            Self::SkippedTiles => "skipped",
+        }
+    }
+}
+
 /// Watches a run from outside. Called from the run's own threads. Whoever has no method sees nothing, and `()` has none.
 pub trait Observer: Sync {
     /// `n_done` of `n_total` frame × preset pairs have their metrics; as many again are validated, where that was asked for.
@@ -127,6 +149,16 @@ pub trait Observer: Sync {
     }
     /// The shown image of one frame of `spec.presets[preset_index]`, linear RGB.
     fn output(&self, _preset_index: usize, _frame_index: usize, _image: &Image<Rgb>) -> Result<(), std::io::Error> {
+        Ok(())
+    }
+    /// How that image came about.
+    fn trace(
+        &self,
+        _preset_index: usize,
+        _frame_index: usize,
+        _trace: Trace,
+        _image: &Image<f32>,
+    ) -> Result<(), std::io::Error> {
         Ok(())
     }
     /// The same image beside its reference, where the run has metrics.

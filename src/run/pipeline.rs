@@ -81,6 +81,9 @@ fn write(kept: &Receiver<Shown>, observer: &dyn Observer) -> Result<f64, RunErro
     for shown in kept {
         let (written, ms) = timed(|| {
             observer.output(shown.preset_index, shown.frame_index, &shown.image)?;
+            for (trace, image) in &shown.traces {
+                observer.trace(shown.preset_index, shown.frame_index, *trace, image)?;
+            }
             match &shown.pictures {
                 Some([reference, test]) => observer.compared(shown.preset_index, shown.frame_index, reference, test),
                 None => Ok(()),

@@ -2,7 +2,7 @@
 //! becomes the report.
 
 use super::{
-    Observer, RunError, Until,
+    Observer, RunError, Trace, Until,
     plan::Plan,
     report::{FrameReport, PresetReport, Report, SequenceInfo, Skipped, TimeSummary},
     times::{summary, timed},
@@ -58,6 +58,7 @@ pub struct Shown {
     pub preset_index: usize,
     pub frame_index: usize,
     pub image: Arc<Image<Rgb>>,
+    pub traces: Vec<(Trace, Image<f32>)>,
     /// What it is compared with, and itself as metrics see it.
     pub pictures: Option<[Picture; 2]>,
 }
@@ -215,12 +216,7 @@ impl<'a> Scorer<'a> {
         {
             self.gathered[index].offset = offset_note(truth, shown);
         }
-        if let Some(kept) = &submitted.kept[index] {
-            let kept = kept.read(&submitted.readback, tiles(self.sequence.output_size()).width as usize)?;
-            let n_kept = &mut self.gathered[index].n_kept;
-            n_kept.resize(kept.len(), 0);
-            n_kept.iter_mut().zip(kept).for_each(|(n, kept)| *n += u32::from(kept));
-        }
+        let kept = self.kept_tiles(submitted, index)?;
         self.add("readback", readback_ms);
         self.add("metrics", metrics_ms);
         if let (Some(keep), Some(image)) = (&self.keep, image) {
@@ -228,6 +224,7 @@ impl<'a> Scorer<'a> {
                 preset_index: index,
                 frame_index: frame.index,
                 image,
+                traces: self.traces(submitted, index, kept)?,
                 pictures: truth.cloned().zip(shown).map(<[Picture; 2]>::from),
             };
             keep.send(kept)
@@ -257,6 +254,41 @@ impl<'a> Scorer<'a> {
                 .collect(),
             times_ms,
         })
+    }
+
+    /// Which tiles of the frame were kept, if any may be; counts them.
+    fn kept_tiles(&mut self, submitted: &Submitted, index: usize) -> Result<Option<Vec<bool>>, RunError> {
+        let Some(kept) = &submitted.kept[index] else {
+            return Ok(None);
+        };
+        let kept = kept.read(&submitted.readback, tiles(self.sequence.output_size()).width as usize)?;
+        let n_kept = &mut self.gathered[index].n_kept;
+        n_kept.resize(kept.len(), 0);
+        n_kept
+            .iter_mut()
+            .zip(&kept)
+            .for_each(|(n, &kept)| *n += u32::from(kept));
+        Ok(Some(kept))
+    }
+
+    /// How the shown image came about, as far as the recipe can tell.
+    fn traces(
+        &self,
+        submitted: &Submitted,
+        index: usize,
+        kept: Option<Vec<bool>>,
+    ) -> Result<Vec<(Trace, Image<f32>)>, RunError> {
+        let output = self.sequence.output_size();
+        let mut traces = Vec::new();
+        if self.plan.systems[index].recipe.blends_history() {
+            let share = submitted.readback.alpha(submitted.shown[index], output)?;
+            traces.push((Trace::HistoryShare, share));
+        }
+        if let Some(kept) = kept {
+            let skipped = kept.into_iter().map(|kept| f32::from(u8::from(kept))).collect();
+            traces.push((Trace::SkippedTiles, Image::from_pixels(tiles(output), skipped)));
+        }
+        Ok(traces)
     }
 
     /// Pass times come in the order recorded: the merging of samples, each prepared colour, then each preset's passes, `repeat` times each. Returns

@@ -368,7 +368,7 @@ fn path_parameter(name: &str) -> Value {
             json!({"type": "string", "pattern": "^[0-9a-f]{64}$"}),
         ),
         "image" => (
-            "`output`, `reference`, `error` or a spatial metric's id, with `.png` or `.exr`.",
+            "`output`, `reference`, `error`, `history`, `skipped` or a spatial metric's id, with `.png` or `.exr`.",
             json!({"type": "string", "pattern": "^[a-z0-9_.]+\\.(png|exr)$"}),
         ),
         "picture" => (

@@ -13,11 +13,13 @@ use crate::{
         Display, Metric, Picture,
         map::{Map, Scale, error_map},
     },
+    run::Trace,
     sequence::{
         Channels, Sequence,
         frame::{Frame, Rgb},
     },
     store::Report,
+    taa::TILE,
 };
 use axum::{extract::State, http::StatusCode, response::Response};
 use schemars::JsonSchema;
@@ -36,6 +38,7 @@ enum Content {
     Output,
     Reference,
     Error,
+    Trace(Trace),
     Map(Metric),
 }
 
@@ -47,13 +50,18 @@ fn parse(image: &str) -> Result<(Content, Encoding), ApiError> {
         "output" => Some(Content::Output),
         "reference" => Some(Content::Reference),
         "error" => Some(Content::Error),
-        metric => metric.parse().ok().map(Content::Map),
+        name => {
+            let trace = Trace::ALL.into_iter().find(|trace| trace.id() == name);
+            trace
+                .map(Content::Trace)
+                .or_else(|| name.parse().ok().map(Content::Map))
+        }
     };
     match (content, Encoding::of_extension(extension)) {
         (Some(content), Some(encoding)) => Ok((content, encoding)),
         _ => Err(ApiError::not_found(format!(
-            "there is no image `{image}`; there are input, output, reference, error and the map of each spatial metric, such \
-             as `flip`, all as .png, .exr and .f16"
+            "there is no image `{image}`; there are input, output, reference, error, history, skipped and the map of each \
+             spatial metric, such as `flip`, all as .png, .exr and .f16"
         ))),
     }
 }
@@ -115,7 +123,7 @@ pub async fn of_sequence(
     .await
 }
 
-/// `GET /reports/{report}/frames/{frame}/{input|output|reference|error|METRIC}.{png|exr|f16}`
+/// `GET /reports/{report}/frames/{frame}/{input|output|reference|error|history|skipped|METRIC}.{png|exr|f16}`
 pub async fn of_report(
     State(service): Shared,
     ApiPath((id, frame_index, image)): ApiPath<(i64, usize, String)>,
@@ -150,6 +158,11 @@ pub async fn of_report(
                 let error = error_map(&source.reference(frame_index)?, &output, display).map_err(ApiError::internal)?;
                 let white = query.max.unwrap_or(DEFAULT_MAX_ERROR);
                 encoder.error(&error, Scale { black: 0.0, white })
+            }
+            Content::Trace(trace) => {
+                let values = traced(&service, &report, frame_index, trace)?;
+                let white = query.max.unwrap_or(1.0);
+                encoder.error(&values, Scale { black: 0.0, white })
             }
             Content::Map(metric) => {
                 let output = output(&service, &report, frame_index)?;
@@ -233,4 +246,36 @@ fn stored_output(service: &Service, report: &Report, frame_index: usize) -> Resu
 fn output(service: &Service, report: &Report, frame_index: usize) -> Result<Image<Rgb>, ApiError> {
     let path = output_file(service, report, frame_index)?;
     Ok(service.reader.read_rgb(&path).map_err(ApiError::internal)?.image)
+}
+
+/// How an image came about, of the image's size.
+fn traced(service: &Service, report: &Report, frame_index: usize, trace: Trace) -> Result<Image<f32>, ApiError> {
+    let path = trace_file(service, report, frame_index, trace).ok_or_else(|| {
+        let why = match trace {
+            Trace::HistoryShare => "its recipe blends no history by a weight",
+            Trace::SkippedTiles => "its job or recipe skips none",
+        };
+        let (id, name) = (report.id, trace.id());
+        ApiError::not_found(format!(
+            "report {id} has no `{name}`: {why}, or its job kept no images of this kind"
+        ))
+    })?;
+    let stored = service.reader.read_rgb(&path).map_err(ApiError::internal)?.image;
+    match trace {
+        Trace::HistoryShare => Ok(stored.map(|[share, ..]| share)),
+        Trace::SkippedTiles => {
+            let output = output_file(service, report, frame_index)?;
+            let extent = service.reader.extent(&output, &["R".to_owned()]);
+            let extent = extent.map_err(ApiError::internal)?;
+            Ok(Image::from_fn(extent, |x, y| stored.at(x / TILE, y / TILE)[0]))
+        }
+    }
+}
+
+/// Where it lies, if it was kept.
+pub fn trace_file(service: &Service, report: &Report, frame_index: usize, trace: Trace) -> Option<PathBuf> {
+    let path = service
+        .folder
+        .trace(report.job_id?, report.preset_index as usize, frame_index, trace);
+    path.is_file().then_some(path)
 }

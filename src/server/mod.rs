@@ -34,7 +34,7 @@ mod webhooks;
 pub use access::Caller;
 pub use error::ApiError;
 pub use extract::{ApiPath, ApiQuery};
-pub use frames::DEFAULT_MAX_ERROR;
+pub use frames::{DEFAULT_MAX_ERROR, trace_file};
 
 use self::{
     access::Access,

@@ -6,9 +6,11 @@
 //! sequences/<content hash>/              a sequence as submitted
 //! blobs/<sha256>, <sha256>.part          files put one by one, and what broke off of them
 //! jobs/<job>/<preset index>/0000.exr     resolved images, by frame
+//! jobs/<job>/<preset index>/0000.history.exr, 0000.skipped.exr   how they came about, where the recipe tells
 //! spool/                                 unfinished uploads; emptied at start
 //! ```
 
+use crate::run::Trace;
 use rustix::fs::{FlockOperation, flock};
 use std::{
     fs::{self, File},
@@ -108,6 +110,12 @@ impl DataFolder {
     pub fn output(&self, job_id: i64, preset_index: usize, frame_index: usize) -> PathBuf {
         let folder = self.job(job_id).join(preset_index.to_string());
         folder.join(format!("{frame_index:04}.exr"))
+    }
+
+    /// How that image came about.
+    pub fn trace(&self, job_id: i64, preset_index: usize, frame_index: usize, trace: Trace) -> PathBuf {
+        let extension = format!("{}.exr", trace.id());
+        self.output(job_id, preset_index, frame_index).with_extension(extension)
     }
 
     /// The picture of a cell of a stress run.

@@ -131,14 +131,18 @@ impl Recipe {
         self.algorithm == Algorithm::Checkerboard
     }
 
+    /// Whether what it shows is a blend of history and the current colour by a weight, so that a pixel has a share of history.
+    pub fn blends_history(&self) -> bool {
+        self.algorithm == Algorithm::Temporal && self.uses_history()
+    }
+
     fn uses_history(&self) -> bool {
         self.history_filter != HistoryFilter::None
     }
 
     /// Whether its box depends on the frame's edges.
     fn finds_edges(&self) -> bool {
-        let has_box = self.algorithm == Algorithm::Temporal && self.uses_history();
-        has_box && self.neighbourhood == Neighbourhood::Sobel
+        self.blends_history() && self.neighbourhood == Neighbourhood::Sobel
     }
 
     /// Whether its weight depends on how far history is from the current colour around a pixel.

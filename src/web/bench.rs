@@ -116,7 +116,7 @@ fn chart(run: &BenchRun, runs: &[BenchRun]) -> Markup {
         .take(MAX_FRONTS)
         .collect();
     html! {
-        figure {
+        figure tabindex="0" aria-label="Time against error" {
             (maud::PreEscaped(run.report.svg(&before)))
             @if !before.is_empty() {
                 figcaption.muted { "Dashed: the fronts of the " (before.len()) " benchmarks before it, the older the paler." }
@@ -132,7 +132,7 @@ fn points(run: &BenchRun) -> Markup {
     let mut points: Vec<&Point> = run.report.points.iter().collect();
     points.sort_by(|a, b| a.time_ms.median.total_cmp(&b.time_ms.median));
     html! {
-        div.scroll { table {
+        div.scroll tabindex="0" role="group" aria-label="Settings" { table {
             thead { tr {
                 th { "Setting" } th { "Dominated by" }
                 th.number { (metric) }

@@ -183,7 +183,7 @@ async fn measured(service: &Service, query: &Query, newest: &Report) -> Result<M
         .collect();
     Ok(html! {
         h1 { "Overview" }
-        p.muted { (lines.len()) " lines on " (view.environments.get(&view.environment).map_or("", String::as_str))
+        p.muted { (lines.len()) @if lines.len() == 1 { " line" } @else { " lines" } " on " (view.environments.get(&view.environment).map_or("", String::as_str))
             "; the newest report came " (format::age(last, Timestamp::now())) "." }
         (form(&view))
         h2 { "Worse than before" }
@@ -275,8 +275,10 @@ fn cell(line: &Line, view: &View, standing: &Standing) -> Markup {
     html! {
         div.cell data-series=(line.series.id) {
             a.value href={ "/reports/" (latest.report_id) } { (format::value(&view.metric, Some(latest.value))) }
-            a.trend aria-label={ "trend of " (parts::recipe(&line.series)) " on " (line.series.sequence_name) }
-                href=(super::standing::trend_href(&line.series, &view.metric, view.branch.as_deref())) { (parts::sparkline(&view.metric, &line.points)) }
+            a.trend href=(super::standing::trend_href(&line.series, &view.metric, view.branch.as_deref())) {
+                span.unseen { "trend of " (parts::recipe(&line.series)) " on " (line.series.sequence_name) ": " }
+                (parts::sparkline(&view.metric, &line.points))
+            }
             div.change { (parts::change(&view.metric, &line.points)) }
             (standing.render())
         }

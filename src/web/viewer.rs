@@ -10,7 +10,8 @@ use super::{
 };
 use crate::{
     metrics::{Better, Display, Metric},
-    server::{ApiError, ApiPath, DEFAULT_MAX_ERROR, Service, Shared},
+    run::Trace,
+    server::{ApiError, ApiPath, DEFAULT_MAX_ERROR, Service, Shared, trace_file},
     store::{Report, ReportFilter},
     verdict::better,
 };
@@ -56,6 +57,9 @@ struct View {
     frame: usize,
     n_frames: usize,
     has_reference: bool,
+    traces: Vec<Trace>,
+    /// Of the other report.
+    other_traces: Vec<Trace>,
     is_small: bool,
     metric: Option<String>,
 }
@@ -101,6 +105,10 @@ pub async fn page(
             .manifest
             .get("reference")
             .is_some_and(|reference| !reference.is_null()),
+        traces: traces(&service, &report, frame),
+        other_traces: other
+            .as_ref()
+            .map_or_else(Vec::new, |other| traces(&service, other, frame)),
         is_small: sequence.output_size.width <= MAX_SMALL_WIDTH,
         report,
         other,
@@ -140,6 +148,19 @@ async fn reports(service: &Service, narrow: impl FnOnce(&mut ReportFilter)) -> R
     Ok(service.store.reports(&filter).await?)
 }
 
+/// How the frame's image came about, as far as that was kept.
+fn traces(service: &Service, report: &Report, frame: usize) -> Vec<Trace> {
+    let is_kept = |trace: &Trace| trace_file(service, report, frame, *trace).is_some();
+    Trace::ALL.into_iter().filter(is_kept).collect()
+}
+
+fn named(trace: Trace) -> &'static str {
+    match trace {
+        Trace::HistoryShare => "share of history",
+        Trace::SkippedTiles => "skipped tiles",
+    }
+}
+
 /// The metrics of a report that have a map.
 fn maps(report: &Report) -> Vec<&String> {
     let has_map = |id: &&String| id.parse().is_ok_and(|metric: Metric| metric.check_map().is_ok());
@@ -162,6 +183,8 @@ impl View {
                     .map(|map| image(map.clone(), map.clone(), true)),
             );
         }
+        let of_traces = self.traces.iter();
+        images.extend(of_traces.map(|&trace| image(trace.id().into(), named(trace).into(), true)));
         if let Some(other) = &self.other {
             let name = name(other);
             images.push(image("with:output".into(), format!("{name}: output"), false));
@@ -170,6 +193,11 @@ impl View {
                 let maps = maps(other).into_iter();
                 images.extend(maps.map(|map| image(format!("with:{map}"), format!("{name}: {map}"), true)));
             }
+            let of_traces = self.other_traces.iter();
+            images.extend(of_traces.map(|&trace| {
+                let name = format!("{name}: {}", named(trace));
+                image(format!("with:{}", trace.id()), name, true)
+            }));
         }
         Data {
             report: self.report.id,
@@ -306,13 +334,14 @@ impl View {
                         (figure(&base, "reference", "Reference", ""))
                         (figure(&base, map, map, &white))
                     }
+                    @for trace in &self.traces { (figure(&base, trace.id(), named(*trace), "")) }
                 }
                 @if self.has_reference { form.controls {
                     (parts::select("Map", "map", parts::same(["error"].into_iter().chain(maps(&self.report).into_iter().map(String::as_str))), map, None))
                     button { "Show" }
                 } }
             } }
-            p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta. Maps of metrics: black where they are perfect. Values are linear, to 11 bits." }
+            p.muted { "As the sequence's display transform shows them. Error: mean of |output − reference| over red, green and blue in display values; pixels that are not finite are magenta. Maps of metrics: black where they are perfect. Share of history: white where a pixel is all history, black where it is all this frame. Skipped tiles: white where nothing had to be computed. Values are linear, to 11 bits." }
         }
     }
 

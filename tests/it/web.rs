@@ -21,7 +21,7 @@ fn has(page: &str, texts: &[&str]) {
 }
 
 /// A service with one job over the sequence `pan`, twice done.
-fn measured() -> (TestService, Value) {
+pub fn measured() -> (TestService, Value) {
     let service = TestService::with_gpu();
     let client = service.client();
     assert_eq!(client.put("pan", &packed("pan")).status, 201);
@@ -289,7 +289,7 @@ fn largest_difference(page: &mut Page, png: &str) -> f64 {
     ))
 }
 
-fn report_ids(job: &Value) -> Vec<String> {
+pub fn report_ids(job: &Value) -> Vec<String> {
     let reports = job["reports"].as_array().unwrap().iter();
     reports.map(|report| report["id"].to_string()).collect()
 }

@@ -5,14 +5,16 @@ override WORKGROUP_X: u32 = 8u;
 override WORKGROUP_Y: u32 = 8u;
 
 @group(0) @binding(10) var next_history: HistoryStore;
-// Linear RGB, after the output stage; where a pass for sharpening follows, what that needs: the working domain's colour.
+// Linear RGB, after the output stage; where a pass for sharpening follows, what that needs: the working domain's colour. Alpha
+// is the share of history in the blend, which only who looks at it reads.
 @group(0) @binding(11) var shown: texture_storage_2d<rgba32float, write>;
 // How many samples each pixel of history holds.
 @group(0) @binding(12) var n_samples: texture_2d<f32>;
 @group(0) @binding(13) var next_n_samples: texture_storage_2d<r32float, write>;
 
-// History, `unrectified` as it was read at `at`, rectified and blended with `current`; `n` samples with this one.
-fn accumulated(p: vec2i, at: Reprojection, unrectified: vec3f, current: vec3f, n: f32) -> vec3f {
+// History, `unrectified` as it was read at `at`, rectified and blended with `current`; `n` samples with this one. Alpha is the
+// share of history.
+fn accumulated(p: vec2i, at: Reprojection, unrectified: vec3f, current: vec3f, n: f32) -> vec4f {
     var h = unrectified;
     var bounds = ColorBox();
     if (neighbourhood != NEIGHBOURHOOD_NONE) {
@@ -37,6 +39,7 @@ fn main(invocation: Invocation) {
     let has_history = history_filter != HISTORY_NONE && at.has_history;
     let current = current_color(p, has_history);
     var resolved = current;
+    var history_share = 0.0;
     var read = vec3f(-1.0);
     var n = 1.0;
     if (has_history) {
@@ -44,7 +47,9 @@ fn main(invocation: Invocation) {
             n += fetch(n_samples, vec2i(floor(at.q))).r;
         }
         read = filtered_history(at.q);
-        resolved = accumulated(p, at, read, current, n);
+        let blended = accumulated(p, at, read, current, n);
+        resolved = blended.rgb;
+        history_share = blended.a;
     }
     resolved = saturated(resolved);
     if (history_filter != HISTORY_NONE) {
@@ -62,5 +67,5 @@ fn main(invocation: Invocation) {
         }
         resolved = from_domain(resolved, domain);
     }
-    textureStore(shown, id, vec4f(resolved, 1.0));
+    textureStore(shown, id, vec4f(resolved, history_share));
 }

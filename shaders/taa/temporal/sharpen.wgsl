@@ -4,7 +4,7 @@
 override WORKGROUP_X: u32 = 8u;
 override WORKGROUP_Y: u32 = 8u;
 
-// In the working domain, not rounded.
+// In the working domain, not rounded. Alpha is the share of history, which goes on as it is.
 @group(0) @binding(10) var resolved: texture_2d<f32>;
 @group(0) @binding(11) var shown: texture_storage_2d<rgba32float, write>;
 
@@ -58,5 +58,5 @@ fn main(invocation: Invocation) {
     if (motion_blur) {
         c = blur_along_motion(p, c, dilated_motion(p));
     }
-    textureStore(shown, id, vec4f(from_domain(c, domain), 1.0));
+    textureStore(shown, id, vec4f(from_domain(c, domain), textureLoad(resolved, p, 0).a));
 }

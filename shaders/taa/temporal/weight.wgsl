@@ -78,11 +78,12 @@ fn box_luma(c: vec3f) -> f32 {
     return luma(c);
 }
 
-fn blend(h: vec3f, current: vec3f, a: f32) -> vec3f {
+// And the share of history in it.
+fn blend(h: vec3f, current: vec3f, a: f32) -> vec4f {
     if (hdr_weight == HDR_WEIGHT_KARIS) {
         let wh = (1.0 - a) / (1.0 + luma(h));
         let wc = a / (1.0 + luma(current));
-        return (h * wh + current * wc) / (wh + wc);
+        return vec4f((h * wh + current * wc) / (wh + wc), wh / (wh + wc));
     }
-    return lerp(h, current, a);
+    return vec4f(lerp(h, current, a), 1.0 - a);
 }

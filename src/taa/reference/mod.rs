@@ -120,6 +120,15 @@ impl<R: Real> Twin<R> {
         self.planes.left == other.planes.left && self.images == other.images
     }
 
+    /// The share of history in each pixel of a frame that was resolved last, before anything is sharpened or blurred. For
+    /// recipes that [blend by weight](Recipe::blends_history).
+    pub fn history_share(&self, frame: &Frame) -> Image<R> {
+        let pixels = self.pixels(frame);
+        Image::from_fn(pixels.sizes.output, |x, y| {
+            pixels.resolve([x.into(), y.into()]).history_share
+        })
+    }
+
     /// Resolves the next frame.
     ///
     /// # Panics
@@ -172,6 +181,17 @@ impl<R: Real> Twin<R> {
     }
 }
 
+/// What the temporal pass makes of a pixel.
+#[derive(Clone, Copy)]
+struct Accumulated<R> {
+    /// The next history, unrounded.
+    color: Color<R>,
+    /// How much of it was history, 0 to 1.
+    history_share: R,
+    /// How many samples it holds.
+    n_samples: R,
+}
+
 /// What one pixel's resolve can see.
 struct Pixels<'a, R> {
     recipe: &'a Recipe,
@@ -198,26 +218,29 @@ impl<R: Real> Previous<R> {
 }
 
 impl<R: Real> Pixels<'_, R> {
-    /// The next history at `p`, unrounded, and how many samples it holds.
-    fn resolve(&self, p: [i64; 2]) -> (Color<R>, R) {
+    /// What becomes of `p`.
+    fn resolve(&self, p: [i64; 2]) -> Accumulated<R> {
         let reprojected = match (self.recipe.history_filter, self.previous) {
             (HistoryFilter::None, _) | (_, None) => None,
             (_, Some(previous)) => self.reproject(p).map(|at| (at, previous)),
         };
         let current = self.current(p, reprojected.is_some());
-        let (resolved, n_samples) = match reprojected {
-            None => (current, R::new(1.0)),
-            Some((at, previous)) => {
-                let [x, y] = containing(at.q);
-                let counted = previous.left.n_samples.as_ref();
-                let n_samples = counted.map_or(R::new(0.0), |counted| counted.clamped(x, y)) + R::new(1.0);
-                (
-                    self.accumulate(p, at, previous.history(), n_samples, current),
-                    n_samples,
-                )
-            }
+        let Some((at, previous)) = reprojected else {
+            return Accumulated {
+                color: self.saturated(current),
+                history_share: R::new(0.0),
+                n_samples: R::new(1.0),
+            };
         };
-        (self.saturated(resolved), n_samples)
+        let [x, y] = containing(at.q);
+        let counted = previous.left.n_samples.as_ref();
+        let n_samples = counted.map_or(R::new(0.0), |counted| counted.clamped(x, y)) + R::new(1.0);
+        let (color, history_share) = self.accumulate(p, at, previous.history(), n_samples, current);
+        Accumulated {
+            color: self.saturated(color),
+            history_share,
+            n_samples,
+        }
     }
 
     /// As it is stored: no larger than an f16 can be.
@@ -254,7 +277,7 @@ impl<R: Real> Pixels<'_, R> {
         [R::new(x as f64 + 0.5) - jx, R::new(y as f64 + 0.5) - jy]
     }
 
-    /// Filters, rectifies and blends history.
+    /// Filters, rectifies and blends history; and the share that it has of the blend.
     fn accumulate(
         &self,
         p: [i64; 2],
@@ -262,7 +285,7 @@ impl<R: Real> Pixels<'_, R> {
         history: &Image<Color<R>>,
         n_samples: R,
         current: Color<R>,
-    ) -> Color<R> {
+    ) -> (Color<R>, R) {
         let recipe = self.recipe;
         let unrectified = self.filtered(history, at.q);
         let bounds = self.color_box(p, current);
@@ -277,13 +300,17 @@ impl<R: Real> Pixels<'_, R> {
             bounds: bounds.as_ref(),
         };
         let weight = self.weight(p, at.motion, n_samples, &blended);
+        let one = R::new(1.0);
         match recipe.hdr_weight {
-            HdrWeight::None => Color::mix(rectified, current, weight),
+            HdrWeight::None => (Color::mix(rectified, current, weight), one - weight),
             HdrWeight::Karis => {
-                let one = R::new(1.0);
                 let of_history = (one - weight) / (one + rectified.luma());
                 let of_current = weight / (one + current.luma());
-                (rectified * of_history + current * of_current) * (one / (of_history + of_current))
+                let both = one / (of_history + of_current);
+                (
+                    (rectified * of_history + current * of_current) * both,
+                    of_history * both,
+                )
             }
         }
     }

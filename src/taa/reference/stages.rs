@@ -201,13 +201,15 @@ impl<R: Real> Twin<R> {
     /// The temporal pass. Where sharpening follows, that shows what this has resolved.
     fn temporal(&self, pixels: &Pixels<'_, R>) -> Vec<Plane<R>> {
         let sampled = Image::from_fn(pixels.sizes.output, |x, y| pixels.resolve([x.into(), y.into()]));
-        let resolved = sampled.map(|(color, _)| color);
+        let resolved = sampled.map(|pixel| pixel.color);
         let mut written = Vec::new();
         if self.recipe.uses_history() {
             written.push(self.next_history(&resolved));
         }
         if self.recipe.weight.counts() {
-            written.push(Plane::new("next_n_samples", [Scale::Count], &sampled, |(_, n)| [n]));
+            written.push(Plane::new("next_n_samples", [Scale::Count], &sampled, |pixel| {
+                [pixel.n_samples]
+            }));
         }
         written.push(match self.recipe.sharpen {
             Sharpen::None => self.show(&pixels.output(&resolved), pixels.frame),

@@ -37,7 +37,8 @@ class Panel {
   async load() {
     const before = performance.now();
     const { from, to } = range();
-    const max = Math.max(400, 2 * this.box.clientWidth);
+    // The smallest and the largest of every two pixels: a line is as wide, and twice as many take twice as long.
+    const max = Math.max(400, this.box.clientWidth);
     this.box.setAttribute("aria-busy", "true");
     const loaded = await Promise.all(this.lines.map((line) => points(line, this.metric, { from, to, max })));
     if (range().from !== from || range().to !== to) return;

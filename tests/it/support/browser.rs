@@ -1,5 +1,7 @@
 //! A real browser, driven over its debugging pipe: no driver program and no socket is needed.
 
+use base64::{Engine as _, prelude::BASE64_STANDARD};
+use image::RgbImage;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use serde_json::{Value, json};
 use std::{
@@ -10,6 +12,11 @@ use std::{
     time::{Duration, Instant},
 };
 use tempfile::TempDir;
+
+/// What makes a page's picture the same on every machine and at every time: one font, of boxes, and no motion, age or adapter.
+const STILL: &str = "* { font-family: Boxes !important; animation: none !important; transition: none !important; }
+    time { display: inline-block; width: 5em; height: 1em; overflow: hidden; visibility: hidden; }
+    .top .adapter { display: none !important; }";
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -239,6 +246,28 @@ impl Page {
             let event = json!({"type": kind, "key": key, "text": if kind == "keyDown" { text } else { "" }});
             self.send("Input.dispatchKeyEvent", &event);
         }
+    }
+
+    /// From the next address on, pages can be [pictured](Self::picture) alike anywhere.
+    pub fn stand_still(&mut self) {
+        let font = BASE64_STANDARD.encode(include_bytes!("../../../fixtures/pages/boxes.ttf"));
+        let source = format!(
+            "document.fonts.add(new FontFace('Boxes', Uint8Array.from(atob('{font}'), (c) => c.charCodeAt(0))));
+             const still = new CSSStyleSheet();
+             still.replaceSync(`{STILL}`);
+             document.adoptedStyleSheets.push(still);"
+        );
+        self.send("Page.addScriptToEvaluateOnNewDocument", &json!({"source": source}));
+        self.send("Emulation.setScrollbarsHidden", &json!({"hidden": true}));
+    }
+
+    /// What is seen of the page.
+    pub fn picture(&mut self) -> RgbImage {
+        let drawn = "document.fonts.ready.then(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1)))))";
+        self.value(drawn);
+        let answer = self.send("Page.captureScreenshot", &json!({"format": "png"}));
+        let png = BASE64_STANDARD.decode(answer["data"].as_str().unwrap()).unwrap();
+        image::load_from_memory(&png).unwrap().to_rgb8()
     }
 
     /// That nothing went wrong since the page was opened.
