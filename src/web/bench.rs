@@ -38,7 +38,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<BenchQuery>)
         None => html! {
             h1 { "Run time against error" }
             p { "Nothing has been measured yet. " (new_job()) " or post a sweep of settings over a sequence, and follow its job:" }
-            pre { "curl -X POST -H 'content-type: application/json' -d '{\"sequence\": \"pan\", \"bench\": {\"presets\": [{\"preset\": \"inside\"}, {\"preset\": \"karis2014\"}], \"knobs\": {\"history\": [\"f16\", \"f32\"]}, \"metrics\": [\"psnr\"], \"metric\": \"psnr\"}}' HOST/api/v1/bench" }
+            pre tabindex="0" { "curl -X POST -H 'content-type: application/json' -d '{\"sequence\": \"pan\", \"bench\": {\"presets\": [{\"preset\": \"inside\"}, {\"preset\": \"karis2014\"}], \"knobs\": {\"history\": [\"f16\", \"f32\"]}, \"metrics\": [\"psnr\"], \"metric\": \"psnr\"}}' HOST/api/v1/bench" }
         },
         Some(job_id) => {
             let mut run = bench::find(&service, job_id).await?;

@@ -338,7 +338,7 @@ pub fn grid(rows: &[Row], now: Timestamp) -> Markup {
 fn first_steps() -> Markup {
     html! {
         p { "Nothing has been measured yet. Put a sequence, then " a href="/jobs/new" { "start a job" } " over it; its reports appear here." }
-        pre {
+        pre tabindex="0" {
             "tar -C my-sequence -cf - . | curl -T - http://localhost:8080/api/v1/sequences/my-sequence\n"
             "curl http://localhost:8080/api/v1/jobs -H 'content-type: application/json' \\\n"
             "     -d '{\"sequence\": \"my-sequence\", \"presets\": [\"none\", \"ema\", \"karis2014\"]}'"

@@ -53,7 +53,7 @@ pub async fn page(State(service): Shared, ApiPath(name): ApiPath<String>) -> Res
         } @else {
             h2 { "No reports yet" }
             p { a.button href={ "/jobs/new?sequence=" (sequence.hash) } { "New job" } }
-            pre {
+            pre tabindex="0" {
                 "curl http://localhost:8080/api/v1/jobs -H 'content-type: application/json' \\\n"
                 "     -d '{\"sequence\": \"" (sequence.name) "\", \"presets\": [\"none\", \"karis2014\"]}'"
             }

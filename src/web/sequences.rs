@@ -27,7 +27,7 @@ pub async fn page(State(service): Shared) -> Result<Html<String>, PageError> {
         h1 { "Sequences" }
         @if cards.is_empty() {
             p { "There is no sequence yet. Send one:" }
-            pre { "tar -C my-sequence -cf - . | curl -T - http://localhost:8080/api/v1/sequences/my-sequence" }
+            pre tabindex="0" { "tar -C my-sequence -cf - . | curl -T - http://localhost:8080/api/v1/sequences/my-sequence" }
         }
         ul.cards { @for (sequence, check) in &cards { (card(sequence, check)) } }
     };

@@ -34,7 +34,7 @@ pub async fn page(State(service): Shared, ApiQuery(query): ApiQuery<StressQuery>
         None => html! {
             h1 { "Stability" }
             p { "No recipe has been put under stress yet. " (new_job()) " or post a matrix, and follow its job:" }
-            pre { "curl -X POST -H 'content-type: application/json' -d '{\"stress\": {\"quick\": true}}' HOST/api/v1/stress" }
+            pre tabindex="0" { "curl -X POST -H 'content-type: application/json' -d '{\"stress\": {\"quick\": true}}' HOST/api/v1/stress" }
         },
         Some(job_id) => {
             let (run, cells) = stress::find(&service, job_id).await?;

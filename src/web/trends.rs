@@ -264,7 +264,7 @@ fn embedding(picture: &str) -> Markup {
             p { "A picture of the first chart, and a badge with the newest value of its first line, for a README or a wiki. "
                 "They need a token where this page does." }
             p { img src=(badge) alt="badge"; }
-            pre { "![badge](" (badge) ")\n![trend](" (picture) ")" }
+            pre tabindex="0" { "![badge](" (badge) ")\n![trend](" (picture) ")" }
         }
     }
 }
