@@ -201,8 +201,8 @@ fn show(summary: &BakeSummary, n_frames: usize) -> String {
         ),
     };
     format!(
-        "{n_frames} frames in {total:.1} s: {raster:.1} s rasterising ({:.0} %), {readback:.1} s reading back ({:.0} %), \
-         {write:.1} s writing OpenEXR beside it ({:.0} %){noise}",
+        "{n_frames} frames in {total:.1} s; of its threads {raster:.1} s rasterising ({:.0} %), {readback:.1} s reading back \
+         ({:.0} %), {write:.1} s writing OpenEXR ({:.0} %){noise}",
         percent(raster),
         percent(readback),
         percent(write)

@@ -5,7 +5,7 @@ use super::{
     disocclusion::Disocclusion,
     model::Alpha,
     moment::Clip,
-    reference::{Accumulator, NoiseSums, half_views},
+    reference::{Accumulator, Mean, NoiseSums, half_views},
     renderer::{PreparedFrame, Renderer, SurfaceTarget, View},
 };
 use crate::{
@@ -16,6 +16,7 @@ use crate::{
     sequence::{Frame, Merging, Others, frame::Rgb, manifest::NoiseFloor},
 };
 use std::{
+    ops::AddAssign,
     sync::Arc,
     thread,
     time::{Duration, Instant},
@@ -83,7 +84,7 @@ impl BakedFrame {
     }
 }
 
-/// Where a bake's time went.
+/// Where a bake's time went, summed over the threads that work at once.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BakeTimes {
     /// Preparing and drawing, until the device was done.
@@ -92,6 +93,14 @@ pub struct BakeTimes {
     pub readback: Duration,
     /// Encoding and writing files.
     pub write: Duration,
+}
+
+impl AddAssign for BakeTimes {
+    fn add_assign(&mut self, other: Self) {
+        self.raster += other.raster;
+        self.readback += other.readback;
+        self.write += other.write;
+    }
 }
 
 /// Renders the frames of a sequence.
@@ -105,7 +114,7 @@ pub struct Baker {
     reference: Option<Accumulator>,
     /// Of a CPU adapter: what renders the other half of a reference meanwhile, on a device of its own. One device leaves the
     /// cores idle while it prepares its triangles.
-    beside: Option<(Renderer, Accumulator)>,
+    beside: Option<Arc<(Renderer, Accumulator)>>,
     disocclusion: Option<Disocclusion>,
     /// Of a scene at rest: what every frame's would be, but for its noise.
     rested: Option<[Option<Image<Rgb>>; 2]>,
@@ -144,10 +153,8 @@ impl Baker {
         };
         let beside = |gpu: &Gpu| -> Result<_, GpuError> {
             let gpu = gpu.second()?;
-            Ok((
-                Renderer::new(&gpu, Arc::clone(&scene), settings.texturing())?,
-                sum(&gpu)?,
-            ))
+            let renderer = Renderer::new(&gpu, Arc::clone(&scene), settings.texturing())?;
+            Ok(Arc::new((renderer, sum(&gpu)?)))
         };
         Ok(Self {
             gpu: gpu.clone(),
@@ -193,11 +200,51 @@ impl Baker {
 
     /// Renders frame `index`.
     pub fn frame(&mut self, index: usize) -> Result<BakedFrame, BakeError> {
-        let begin = Instant::now();
-        let settings = self.settings.clone();
-        let frame = self.prepare(&self.renderer, index)?;
-        let jitter_px = settings.jitter.offset_px(index).map(|j| j * settings.jitter_scale);
+        let settings = &self.settings.clone();
         let seed = Random::new(settings.seed ^ (index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)).bits();
+        let is_wanted = self.reference.is_some() && self.rested.is_none();
+        let views = &[1, 2].map(|which| {
+            let seed = Random::new(seed.wrapping_add(which)).bits();
+            let fineness = settings.reference_fineness(&self.gpu);
+            half_views(settings.reference_pattern, settings.reference_samples, fineness, seed)
+        });
+        let beside = self.beside.clone().filter(|_| is_wanted);
+        let (mut baked, halves) = thread::scope(|scope| {
+            // Before all else, so that it goes on while the inputs are drawn and read back.
+            let second = beside.as_deref().map(|(renderer, sum)| {
+                scope.spawn(move || mean_of(renderer, sum, &prepare(settings, renderer, index)?, &views[1]))
+            });
+            let frame = prepare(settings, &self.renderer, index)?;
+            let baked = self.inputs(&frame, index, seed)?;
+            let half = |which: usize| {
+                let sum = self.reference.as_ref().filter(|_| is_wanted);
+                let half = sum.map(|sum| mean_of(&self.renderer, sum, &frame, &views[which]));
+                half.transpose()
+            };
+            let first = half(0)?;
+            let second = match second {
+                Some(thread) => Some(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?),
+                None => half(1)?,
+            };
+            Ok::<_, BakeError>((baked, first.zip(second).map(|(a, b)| [a, b])))
+        })?;
+        if let Some(halves) = halves {
+            let reference = self.reference_of(halves);
+            if settings.at_rest {
+                self.rested = Some(reference.clone());
+            }
+            [baked.reference, baked.reference_karis] = reference;
+        } else if let Some(rested) = &self.rested {
+            [baked.reference, baked.reference_karis] = rested.clone();
+        }
+        Ok(baked)
+    }
+
+    /// All but the reference.
+    fn inputs(&mut self, frame: &PreparedFrame, index: usize, seed: u64) -> Result<BakedFrame, BakeError> {
+        let begin = Instant::now();
+        let (n_samples, jitter) = (self.settings.samples, self.settings.jitter);
+        let jitter_px = jitter.offset_px(index).map(|j| j * self.settings.jitter_scale);
         let view = |jitter_px, salt: u32| View {
             jitter_px,
             seed: (seed >> 32) as u32 ^ salt,
@@ -205,50 +252,28 @@ impl Baker {
         };
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.renderer
-            .draw_surface(&mut encoder, &frame, view(jitter_px, 0), &self.surface)?;
+            .draw_surface(&mut encoder, frame, view(jitter_px, 0), &self.surface)?;
         if let Some(disocclusion) = &self.disocclusion {
-            disocclusion.record(
-                &self.gpu,
-                &mut encoder,
-                &self.renderer,
-                &frame,
-                &self.surface,
-                jitter_px,
-            )?;
+            disocclusion.record(&self.gpu, &mut encoder, &self.renderer, frame, &self.surface, jitter_px)?;
         }
         let submission = self.gpu.queue.submit([encoder.finish()]);
         self.gpu.wait(submission)?;
         self.times.raster += begin.elapsed();
-        let mut baked = self.read_surface(index, jitter_px, &frame)?;
+        let mut baked = self.read_surface(index, jitter_px, frame)?;
         let around = |center_px: [f64; 2], salts: std::iter::StepBy<std::ops::RangeFrom<u32>>| -> Vec<View> {
-            let offsets = if settings.samples > 1 {
-                &ROTATED_GRID[..]
-            } else {
-                &[[0.0; 2]]
-            };
+            let offsets = if n_samples > 1 { &ROTATED_GRID[..] } else { &[[0.0; 2]] };
             let views = offsets.iter().zip(salts);
             views
                 .map(|(offset, salt)| view([center_px[0] + offset[0], center_px[1] + offset[1]], salt))
                 .collect()
         };
-        baked.unjittered_color = self.mean_of(&frame, &around([0.0; 2], (1..).step_by(16)))?;
-        if settings.samples > 1 {
-            self.add_samples(&frame, &around(jitter_px, (2..).step_by(1)), &mut baked)?;
+        let (mean, times) = mean_of(&self.renderer, &self.input, frame, &around([0.0; 2], (1..).step_by(16)))?;
+        self.times += times;
+        baked.unjittered_color = mean.linear;
+        if n_samples > 1 {
+            self.add_samples(frame, &around(jitter_px, (2..).step_by(1)), &mut baked)?;
         }
-        self.add_reference(&frame, seed, &mut baked)?;
         Ok(baked)
-    }
-
-    /// Uploads frame `index` to a renderer.
-    fn prepare(&self, renderer: &Renderer, index: usize) -> Result<PreparedFrame, GpuError> {
-        let settings = &self.settings;
-        let output = settings.output_size;
-        let aspect = f64::from(output.width) / f64::from(output.height);
-        let times = match settings.at_rest {
-            true => [0.0; 2],
-            false => [index as f64, index as f64 - 1.0],
-        };
-        renderer.prepare(times, settings.render_size, aspect)
     }
 
     /// Puts the first of several samples in the place of the one at the jitter, and the others beside it.
@@ -280,58 +305,18 @@ impl Baker {
         Ok(())
     }
 
-    fn mean_of(&mut self, frame: &PreparedFrame, views: &[View]) -> Result<Image<Rgb>, BakeError> {
+    /// In linear light, and where asked for in Karis's space, of two halves.
+    fn reference_of(&mut self, halves: [(Mean, BakeTimes); 2]) -> [Option<Image<Rgb>>; 2] {
         let begin = Instant::now();
-        self.input.accumulate(&self.renderer, frame, views)?;
-        let drawn = Instant::now();
-        let mean = self.input.read()?;
-        self.times.raster += drawn - begin;
-        self.times.readback += drawn.elapsed();
-        Ok(mean.linear)
-    }
-
-    fn add_reference(&mut self, frame: &PreparedFrame, seed: u64, baked: &mut BakedFrame) -> Result<(), BakeError> {
-        let Some(reference) = &self.reference else {
-            return Ok(());
-        };
-        if let Some(rested) = &self.rested {
-            [baked.reference, baked.reference_karis] = rested.clone();
-            return Ok(());
-        }
-        let half = |renderer: &Renderer, sum: &Accumulator, frame: &PreparedFrame, which: u64| -> Result<_, GpuError> {
-            let begin = Instant::now();
-            let seed = Random::new(seed.wrapping_add(1 + which)).bits();
-            let fineness = self.settings.reference_fineness(&self.gpu);
-            let (pattern, n_samples) = (self.settings.reference_pattern, self.settings.reference_samples);
-            let views = half_views(pattern, n_samples, fineness, seed);
-            sum.accumulate(renderer, frame, &views)?;
-            let drawn = Instant::now();
-            Ok((sum.read()?, drawn - begin, drawn.elapsed()))
-        };
-        let one = || half(&self.renderer, reference, frame, 0);
-        let (halves, at_once) = match &self.beside {
-            None => ([one()?, half(&self.renderer, reference, frame, 1)?], 1),
-            Some((renderer, sum)) => thread::scope(|scope| {
-                let other = scope.spawn(|| half(renderer, sum, &self.prepare(renderer, baked.index)?, 1));
-                let one = one();
-                let other = other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-                Ok::<_, GpuError>(([one?, other?], 2))
-            })?,
-        };
-        let [(a, ..), (b, ..)] = &halves;
-        for (_, raster, readback) in &halves {
-            self.times.raster += *raster / at_once;
-            self.times.readback += *readback / at_once;
-        }
-        let begin = Instant::now();
+        let [a, b] = halves.map(|(half, times)| {
+            self.times += times;
+            half
+        });
         self.noise.add([&a.linear, &b.linear], self.display());
-        baked.reference = Some(mean(&a.linear, &b.linear));
-        baked.reference_karis = a.karis.as_ref().zip(b.karis.as_ref()).map(|(a, b)| mean_karis(a, b));
-        if self.settings.at_rest {
-            self.rested = Some([baked.reference.clone(), baked.reference_karis.clone()]);
-        }
+        let linear = mean(&a.linear, &b.linear);
+        let karis = a.karis.zip(b.karis).map(|(a, b)| mean_karis(&a, &b));
         self.times.readback += begin.elapsed();
-        Ok(())
+        [Some(linear), karis]
     }
 
     fn read_surface(
@@ -381,6 +366,36 @@ impl Baker {
         self.times.readback += begin.elapsed();
         Ok(baked)
     }
+}
+
+/// Uploads frame `index` to a renderer.
+fn prepare(settings: &BakeSettings, renderer: &Renderer, index: usize) -> Result<PreparedFrame, GpuError> {
+    let output = settings.output_size;
+    let aspect = f64::from(output.width) / f64::from(output.height);
+    let times = match settings.at_rest {
+        true => [0.0; 2],
+        false => [index as f64, index as f64 - 1.0],
+    };
+    renderer.prepare(times, settings.render_size, aspect)
+}
+
+/// The mean of some views of a frame.
+fn mean_of(
+    renderer: &Renderer,
+    sum: &Accumulator,
+    frame: &PreparedFrame,
+    views: &[View],
+) -> Result<(Mean, BakeTimes), GpuError> {
+    let begin = Instant::now();
+    sum.accumulate(renderer, frame, views)?;
+    let drawn = Instant::now();
+    let mean = sum.read()?;
+    let times = BakeTimes {
+        raster: drawn - begin,
+        readback: drawn.elapsed(),
+        write: Duration::ZERO,
+    };
+    Ok((mean, times))
 }
 
 fn plane<T: Copy + Send + Sync>(extent: Extent, texels: &[[f32; 4]], of: impl Fn([f32; 4]) -> T) -> Image<T> {

@@ -47,7 +47,7 @@ impl BakeObserver for () {}
 pub struct BakeSummary {
     /// How noisy the reference is; none without one.
     pub noise_floor: Option<NoiseFloor>,
-    /// Where time went; writing goes on beside rendering.
+    /// Where the threads' time went.
     pub times: BakeTimes,
     /// From the first frame to the last file.
     pub elapsed: Duration,

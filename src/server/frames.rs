@@ -250,6 +250,7 @@ fn output(service: &Service, report: &Report, frame_index: usize) -> Result<Imag
 
 /// How an image came about, of the image's size.
 fn traced(service: &Service, report: &Report, frame_index: usize, trace: Trace) -> Result<Image<f32>, ApiError> {
+    let output = output_file(service, report, frame_index)?;
     let path = trace_file(service, report, frame_index, trace).ok_or_else(|| {
         let why = match trace {
             Trace::HistoryShare => "its recipe blends no history by a weight",
@@ -264,7 +265,6 @@ fn traced(service: &Service, report: &Report, frame_index: usize, trace: Trace) 
     match trace {
         Trace::HistoryShare => Ok(stored.map(|[share, ..]| share)),
         Trace::SkippedTiles => {
-            let output = output_file(service, report, frame_index)?;
             let extent = service.reader.extent(&output, &["R".to_owned()]);
             let extent = extent.map_err(ApiError::internal)?;
             Ok(Image::from_fn(extent, |x, y| stored.at(x / TILE, y / TILE)[0]))

@@ -16,7 +16,7 @@ use afterimage::{
     scene::{BakeSettings, bake},
     sequence::{
         Frame, Sequence,
-        check::{Report, check},
+        check::{Report, Severity, check},
     },
 };
 use serde_json::{Value, json};
@@ -272,6 +272,19 @@ fn jitter_mistakes() -> Vec<Mistake> {
             [value("of frame index+1")],
             jitters(|i, all| all[(i + all.len() - 1) % all.len()]),
         ),
+        mistake("of another sequence", &["jitter.unexplained"], [], |_, manifest| {
+            let others = [
+                [-0.34, -0.17],
+                [0.4, 0.03],
+                [0.41, -0.04],
+                [0.08, -0.07],
+                [-0.48, -0.12],
+                [-0.45, -0.15],
+            ];
+            for (index, other) in others.into_iter().enumerate() {
+                manifest["frames"][index]["jitter"] = json!(other);
+            }
+        }),
         mistake(
             "samples at the centres",
             &["jitter.absent"],
@@ -491,11 +504,40 @@ fn jitter_that_leans_or_never_changes() {
     assert_eq!(ids(&report), ["jitter.missing"], "{:?}", report.findings);
 }
 
+/// A cut that is not declared, and one that is but is not there.
+#[test]
+fn resets_where_the_camera_jumps() {
+    let baked = Baked::new(&BakeSettings {
+        n_frames: 2 * N_FRAMES,
+        ..settings("cut")
+    });
+    let cut = (1..2 * N_FRAMES).find(|&index| baked.frames[index].reset).unwrap();
+    for (frame, reset, severity) in [(cut, false, Severity::Warning), (cut - 1, true, Severity::Note)] {
+        let report = baked.checked(&|_, manifest| manifest["frames"][frame]["reset"] = json!(reset));
+        let found: Vec<_> = report
+            .findings
+            .iter()
+            .map(|finding| (finding.id.as_str(), finding.severity))
+            .collect();
+        assert_eq!(found, [("frames.reset", severity)], "{:?}", report.findings);
+    }
+}
+
 /// What hurts a resolve most is not taken for a mistake of the dump.
 #[test]
 fn scenes_that_hurt_are_not_warned_of() {
-    for scene in ["fence", "foliage", "blinds", "spaceship", "fireflies", "cut"] {
-        let report = Baked::new(&settings(scene)).checked(&|_, _| ());
+    for scene in ["fence", "foliage", "blinds", "spaceship", "fireflies", "cut", "flicker"] {
+        // Those two do so later.
+        let n_frames = if ["cut", "flicker"].contains(&scene) {
+            2 * N_FRAMES
+        } else {
+            N_FRAMES
+        };
+        let settings = BakeSettings {
+            n_frames,
+            ..settings(scene)
+        };
+        let report = Baked::new(&settings).checked(&|_, _| ());
         assert!(report.is_clean(), "{scene}: {:?}", report.findings);
     }
 }

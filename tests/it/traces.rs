@@ -2,6 +2,7 @@
 
 use crate::{
     run::spec,
+    sequence::{copy_of, edit},
     support::{
         gpu,
         service::{fixture, reader},
@@ -13,7 +14,9 @@ use afterimage::{
     sequence::Sequence,
     taa::{Precision, Preset, Recipe, Skip, TILE, recipe::Weight, reference::Twin},
 };
+use serde_json::json;
 use std::sync::Mutex;
+use tempfile::TempDir;
 
 /// Keeps the images of one kind, frame by frame.
 struct Keep {
@@ -116,9 +119,24 @@ fn recipes_without_a_weight_have_no_share() {
     }
 }
 
+/// A sequence of 61×37 pixels whose frames are all the first one.
+pub fn at_rest() -> TempDir {
+    let folder = copy_of("static");
+    edit(&folder, |manifest| {
+        for section in ["color", "depth", "motion"] {
+            manifest[section]["path"] = json!("input/00.exr");
+        }
+        for frame in manifest["frames"].as_array_mut().unwrap() {
+            frame["jitter"] = json!([0, 0]);
+        }
+    });
+    folder
+}
+
 #[test]
 fn skipped_tiles_are_where_nothing_changes() {
-    let sequence = open("static");
+    let folder = at_rest();
+    let sequence = Sequence::open(folder.path(), &reader()).unwrap();
     let mut spec = spec(&["ema"]);
     spec.skip = Skip::Exact;
     spec.presets = vec![PresetSpec {
@@ -140,6 +158,7 @@ fn skipped_tiles_are_where_nothing_changes() {
     let share = skipped.iter().flat_map(|frame| frame.pixels()).sum::<f32>()
         / (skipped.len() * skipped[0].pixels().len()) as f32;
     let reported = report.reports[0].skipped.as_ref().unwrap().share;
+    assert!(share > 0.5, "only {share} of the tiles were skipped");
     assert!(
         (f64::from(share) - reported).abs() < 1e-6,
         "{share} is not the report's {reported}"

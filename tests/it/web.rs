@@ -1,9 +1,13 @@
 //! The dashboard in a real browser: every page has its data in the document, and scripts do what only they can do.
 
-use crate::support::{
-    browser::Page,
-    service::{Client, Idle, TestService, packed},
+use crate::{
+    support::{
+        browser::Page,
+        service::{Client, Idle, TestService, packed, reader},
+    },
+    traces::at_rest,
 };
+use afterimage::sequence::Sequence;
 use serde_json::{Value, json};
 
 /// A page as whoever has no scripts reads it.
@@ -276,13 +280,14 @@ fn a_report_has_a_chart_a_metric_and_its_worst_frames_first() {
 fn largest_difference(page: &mut Page, png: &str) -> f64 {
     page.number(&format!(
         "(async () => {{
-            const bytes = async (source) => {{
-                const c = new OffscreenCanvas(64, 48).getContext('2d');
-                c.imageSmoothingEnabled = false;
-                c.drawImage(source, ...(source instanceof ImageBitmap ? [0, 0] : [0, 0, source.width, source.height, 0, 0, 64, 48]));
-                return c.getImageData(0, 0, 64, 48).data;
-            }};
             const picture = await createImageBitmap(await (await fetch('{png}')).blob());
+            const {{width, height}} = picture;
+            const bytes = async (source) => {{
+                const c = new OffscreenCanvas(width, height).getContext('2d');
+                c.imageSmoothingEnabled = false;
+                c.drawImage(source, 0, 0, source.width, source.height, 0, 0, width, height);
+                return c.getImageData(0, 0, width, height).data;
+            }};
             const [a, b] = [await bytes(picture), await bytes(document.getElementById('canvas'))];
             return Math.max(...a.map((byte, i) => Math.abs(byte - b[i])));
         }})()"
@@ -326,6 +331,63 @@ fn the_viewer_shows_what_the_service_pictures() {
             page.is_well();
         }
     }
+}
+
+/// What a recipe kept of its history and where its work was skipped, over HTTP and in the viewer.
+#[test]
+fn the_viewer_shows_how_a_frame_came_about() {
+    let service = TestService::with_gpu();
+    let client = service.client();
+    let folder = at_rest();
+    let mut archive = Vec::new();
+    Sequence::open(folder.path(), &reader())
+        .unwrap()
+        .pack(&mut archive)
+        .unwrap();
+    assert_eq!(client.put("resting", &archive).status, 201);
+    let job = json!({"sequence": "resting", "metrics": ["psnr"], "skip": "exact",
+                     "presets": [{"preset": "ema", "parameters": {"current_weight": 0.5}}, "none"]});
+    let id = client.start_job(&job);
+    let ids = report_ids(&client.wait_for(id, &["done"]));
+    let frames = format!("/api/v1/reports/{}/frames", ids[0]);
+    let mut page = Page::open();
+    page.resize(800, 900, false);
+    for (renderer, image) in [
+        ("2d", "history"),
+        ("2d", "skipped"),
+        ("gl", "history"),
+        ("gl", "skipped"),
+    ] {
+        let query = format!("mode=one&a={image}&renderer={renderer}");
+        page.go(&service.url(&format!("/reports/{}/frames/7?{query}", ids[0])));
+        page.until("document.getElementById('stage').dataset.draws > 0");
+        page.value("Object.assign(document.getElementById('stage').style, {width: '490px', height: '298px'})");
+        page.until(
+            "document.getElementById('canvas').width == 488 && document.getElementById('stage').dataset.zoom == 8",
+        );
+        let found = largest_difference(&mut page, &format!("{frames}/7/{image}.png"));
+        assert!(found <= 4.0, "{renderer} {image}: {found}");
+        // Nothing is skipped, and nothing comes of a history, in the first frame.
+        let first = largest_difference(&mut page, &format!("{frames}/0/{image}.png"));
+        assert!(first > 64.0, "{renderer} {image}: as in the first frame");
+        page.is_well();
+    }
+    let viewer = plain(&service, &format!("/reports/{}/frames/7?a=history&b=skipped", ids[0]));
+    has(&viewer, &["/frames/7/history.png", "/frames/7/skipped.png"]);
+    // Whoever asks for what is not there is told why.
+    let refused = |report: &str, path: &str, why: &str| {
+        let answer = client.get(&format!("/reports/{report}/frames/{path}"));
+        assert_eq!(answer.status, 404, "{path}");
+        has(answer.json()["detail"].as_str().unwrap(), &[why]);
+    };
+    refused(&ids[0], "99/history.png", "no image of frame 99");
+    refused(&ids[0], "99/skipped.exr", "no image of frame 99");
+    refused(&ids[1], "7/history.png", "blends no history by a weight");
+    let viewer = plain(&service, &format!("/reports/{}/frames/7", ids[1]));
+    assert!(
+        !viewer.contains("history.png"),
+        "a recipe without a history has a share of it"
+    );
 }
 
 #[test]

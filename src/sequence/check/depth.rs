@@ -68,6 +68,38 @@ pub fn examine(belief: &mut Belief, report: &mut Report) -> Result<(), SequenceE
     vectors::missing(belief, report, &depths)
 }
 
+/// How often vectors lead to another depth than their pixel's, of how often unrelated places have another. None without depth
+/// and motion, and where one depth is hardly told from another.
+pub fn misled(belief: &Belief, index: usize) -> Result<Option<f64>, SequenceError> {
+    const MIN_UNRELATED: f64 = 0.25;
+    let Some(source) = &belief.manifest().depth else {
+        return Ok(None);
+    };
+    let Some(depths) = Depths::load(belief, index)? else {
+        return Ok(None);
+    };
+    let Some(motion) = &depths.motion else {
+        return Ok(None);
+    };
+    let [now, before] = depths.linear(belief, source);
+    let (width, height) = (depths.width(), depths.size.height as usize);
+    let before_at = |place: DVec2| {
+        let is_inside = place.x >= 0.0 && place.y >= 0.0 && place.x < width as f64 && place.y < height as f64;
+        is_inside.then(|| before[place.y as usize * width + place.x as usize])
+    };
+    let [mut n, mut misled, mut unrelated] = [0.0; 3];
+    for (i, vector) in motion.iter().enumerate() {
+        let place = depths.sample(i) + DVec2::from_array(*vector) - DVec2::from_array(depths.jitter[1]);
+        let Some(there) = before_at(place) else { continue };
+        let far = [(i % width + width / 3) % width, (i / width + height / 3) % height];
+        let differs = |other: f64| f64::from(u8::from(libm::log(now[i] / other).abs() > SAME));
+        n += 1.0;
+        misled += differs(there);
+        unrelated += differs(before[far[1] * width + far[0]]);
+    }
+    Ok((unrelated > MIN_UNRELATED * n).then(|| misled / unrelated))
+}
+
 impl Depths {
     fn load(belief: &Belief, index: usize) -> Result<Option<Self>, SequenceError> {
         let sequence = &belief.sequence;

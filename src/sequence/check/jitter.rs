@@ -76,6 +76,8 @@ fn against_guide(belief: &Belief, view: &View, index: usize) -> Option<Shift> {
 #[derive(Clone, Copy, Debug)]
 pub struct Misfit {
     pub rms: f64,
+    /// What three of four frames stay within.
+    pub most: f64,
     pub offset: [f64; 2],
 }
 
@@ -94,12 +96,15 @@ pub fn misfit(measured: &[Measured], expected: impl Fn(usize) -> Option<[f64; 2]
         }
     }
     // The median of squares: a frame that is a mistake of its own must not decide about all.
-    let squares: Vec<f64> = residuals
+    let mut squares: Vec<f64> = residuals
         .iter()
         .map(|r| (r[0] - offset[0]).powi(2) + (r[1] - offset[1]).powi(2))
         .collect();
+    squares.sort_by(f64::total_cmp);
+    let most = squares.get((3 * squares.len()).div_ceil(4).saturating_sub(1));
     Misfit {
         rms: median(&squares).sqrt(),
+        most: most.map_or(f64::NAN, |square| square.sqrt()),
         offset,
     }
 }
@@ -189,7 +194,9 @@ impl Judged {
         let best = self.misfits[self.best].rms;
         // What is fitted to the measurements fits them a little better in any case.
         let share = if self.readings[self.best].is_fitted() { 0.5 } else { 0.6 };
-        best <= share * self.declared().rms && best <= self.fits.max(0.5 * self.none.rms)
+        // Of many readings of few frames, one has half of them near by chance.
+        let holds = self.misfits[self.best].most <= self.fits.max(0.6 * self.none.most);
+        holds && best <= share * self.declared().rms && best <= self.fits.max(0.5 * self.none.rms)
     }
 
     fn warning(&self, id: &str, message: String) -> Finding {

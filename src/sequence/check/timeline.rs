@@ -1,7 +1,7 @@
 //! Frames in time: cuts without a reset, resets without a cut, references of another frame.
 
 use super::{
-    Belief,
+    Belief, depth,
     fit::{Apart, Errors},
     motion::{MIN_VERDICT, Pair},
     observe::{Grid, Guide, N_TILES, View, spread},
@@ -14,7 +14,9 @@ use serde_json::json;
 /// Pairs of frames that are looked at; of a longer sequence an even choice.
 const MAX_PAIRS: usize = 64;
 const MAX_SAMPLES: usize = 10_000;
-/// Share of the difference between unrelated images that a cut leaves.
+/// Frames whose depths are compared with those of the frame before, to know what is usual.
+const MAX_DEPTHS: usize = 8;
+/// Share of the difference between unrelated images, and depths, that a cut leaves.
 const CUT: f64 = 0.2;
 
 /// How much of what differs between unrelated places differs between a frame and the frame before it, warped.
@@ -78,8 +80,17 @@ pub fn cuts(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
         return Ok(());
     }
     let scatter = median(&known.iter().map(|(_, share)| (share - usual).abs()).collect::<Vec<_>>()).max(0.01);
+    let jumps = |share: f64| share > CUT.max(2.0 * usual) && share > usual + 9.0 * scatter;
+    let (changed, others): (Vec<_>, Vec<_>) = known
+        .iter()
+        .partition(|(index, share)| !resets(*index) && jumps(*share));
+    let relit = relit(
+        belief,
+        changed,
+        others.iter().map(|(index, _)| *index).filter(|index| !resets(*index)),
+    )?;
     for (index, share) in known {
-        let finding = if !resets(index) && share > CUT.max(2.0 * usual) && share > usual + 9.0 * scatter {
+        let finding = if !resets(index) && jumps(share) && !relit.contains(&index) {
             Finding::warning(
                 "frames.reset",
                 format!(
@@ -109,6 +120,31 @@ pub fn cuts(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
         );
     }
     Ok(())
+}
+
+/// Those of some changed frames whose surfaces go on as in the others: a lamp was switched, say, and nothing was cut.
+fn relit(
+    belief: &Belief,
+    changed: Vec<(usize, f64)>,
+    others: impl Iterator<Item = usize>,
+) -> Result<Vec<usize>, SequenceError> {
+    let mut relit = Vec::new();
+    if changed.is_empty() {
+        return Ok(relit);
+    }
+    let others: Vec<usize> = others.collect();
+    let shares = spread(others.len(), MAX_DEPTHS)
+        .into_iter()
+        .map(|i| depth::misled(belief, others[i]))
+        .collect::<Result<Vec<_>, _>>()?;
+    let usual = median(&shares.into_iter().flatten().collect::<Vec<_>>());
+    for (index, _) in changed {
+        // NaN, of no others, is below nothing.
+        if depth::misled(belief, index)?.is_some_and(|share| share < CUT || share < 2.0 * usual) {
+            relit.push(index);
+        }
+    }
+    Ok(relit)
 }
 
 /// Share of the error that another frame's reference must take away. Thin wires that hardly move take a few hundredths of it away by
