@@ -27,7 +27,7 @@ use crate::{
 use std::{
     any::Any,
     fs, io,
-    panic::{AssertUnwindSafe, catch_unwind},
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
     path::Path,
     sync::{
         Arc,
@@ -93,7 +93,13 @@ impl GpuRunner {
     /// Opens the adapter: by its number or a part of its name, else the first one. Without one the runner is there all
     /// the same, and fails each job with the reason: a service without a driver can still show its history.
     pub fn new(wanted: Option<String>, reader: FileReader) -> (Self, Result<AdapterInfo, GpuError>) {
-        let opened = Gpu::open(wanted.as_deref());
+        // A CPU adapter starts its threads here.
+        let open = || {
+            give_way();
+            Gpu::open(wanted.as_deref())
+        };
+        let opened = thread::scope(|scope| scope.spawn(open).join());
+        let opened = opened.unwrap_or_else(|panic| resume_unwind(panic));
         let gpu = opened.as_ref().ok().cloned();
         (Self { wanted, reader, gpu }, opened.map(|gpu| gpu.info()))
     }
@@ -130,6 +136,15 @@ impl GpuRunner {
     }
 }
 
+/// Lets the threads that answer requests go before this one and all that it will start. On a CPU adapter a job keeps every core
+/// busy for minutes, and a request waits for a core several times.
+pub fn give_way() {
+    const STEPS: i32 = 5;
+    if let Err(error) = rustix::process::nice(STEPS) {
+        tracing::warn!(%error, "jobs cannot give way to requests, which a job may slow");
+    }
+}
+
 /// What a job made.
 enum Outcome {
     Reports(Report),
@@ -161,6 +176,7 @@ impl Worker {
     /// Works until told to stop.
     pub fn spawn(self, mut runner: impl Runner + 'static) -> io::Result<thread::JoinHandle<()>> {
         thread::Builder::new().name("worker".to_owned()).spawn(move || {
+            give_way();
             while !self.shutdown.is_cancelled() {
                 self.step(&mut runner);
             }

@@ -111,15 +111,52 @@ fn chart(metric: Metric, now: &[Placed<'_>], before: &[Vec<Placed<'_>>]) -> Mark
             polyline points=(line(front)) fill="none" stroke=(BLUE) stroke-dasharray="4 3" opacity=(round(0.5 / (1.0 + age as f64))) {}
         }
         polyline points=(line(&front(now))) fill="none" stroke=(BLUE) stroke-width="1.5" {}
-        @for at in now { (point(at, x(at.ms), y(at.value), [x(at.point.time_ms.low), x(at.point.time_ms.high)])) }
+        @for (at, name_y) in now.iter().zip(name_places(now, x, y)) {
+            (point(at, [x(at.ms), y(at.value)], name_y, [x(at.point.time_ms.low), x(at.point.time_ms.high)]))
+        }
     }
 }
 
-/// One point with the interval of its time. Names stand left of points in the right half, so that none is cut off.
-fn point(at: &Placed<'_>, x: f64, y: f64, [low, high]: [f64; 2]) -> Markup {
+/// Where the names of points begin, down the picture: over or under their points, as far away as it takes to cover no other.
+fn name_places(points: &[Placed<'_>], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<f64> {
+    const CHARACTER: f64 = 6.0;
+    const LINE: f64 = 12.0;
+    let mut taken: Vec<[f64; 4]> = Vec::new();
+    let mut place = |at: &Placed<'_>| {
+        let (x, y) = (x(at.ms), y(at.value));
+        let width = CHARACTER * at.point.name().chars().count() as f64;
+        let left = if is_right(x) { x - GAP - width } else { x + GAP };
+        let lines = (0..points.len()).flat_map(|n| [-6.0 - LINE * n as f64, 14.0 + LINE * n as f64]);
+        let boxes = lines.map(|dy| [left, y + dy - LINE, left + width, y + dy]);
+        let is_free = |[left, top, right, bottom]: &[f64; 4]| {
+            let covers =
+                |other: &[f64; 4]| *left < other[2] && other[0] < *right && *top < other[3] && other[1] < *bottom;
+            *top > 0.0 && *bottom < HEIGHT && !taken.iter().any(covers)
+        };
+        let found = boxes
+            .into_iter()
+            .find(is_free)
+            .unwrap_or([left, y - 6.0 - LINE, left + width, y - 6.0]);
+        if at.point.dominated_by.is_none() {
+            taken.push(found);
+        }
+        round(found[3])
+    };
+    points.iter().map(&mut place).collect()
+}
+
+/// From a point to its name.
+const GAP: f64 = 7.0;
+
+/// Names stand left of points in the right half, so that none is cut off.
+fn is_right(x: f64) -> bool {
+    x > 0.5 * WIDTH
+}
+
+/// One point with the interval of its time.
+fn point(at: &Placed<'_>, [x, y]: [f64; 2], name_y: f64, [low, high]: [f64; 2]) -> Markup {
     let name = at.point.name();
     let is_dominated = at.point.dominated_by.is_some();
-    let is_right = x > 0.5 * WIDTH;
     html! {
         g {
             title {
@@ -131,8 +168,8 @@ fn point(at: &Placed<'_>, x: f64, y: f64, [low, high]: [f64; 2]) -> Markup {
                 circle cx=(x) cy=(y) r="3.5" fill="none" stroke="#888" {}
             } @else {
                 circle cx=(x) cy=(y) r="4" fill=(BLUE) {}
-                text x=(if is_right { x - 7.0 } else { x + 7.0 }) y=(round(y - 6.0))
-                    text-anchor=(if is_right { "end" } else { "start" }) { (name) }
+                text x=(if is_right(x) { x - GAP } else { x + GAP }) y=(name_y)
+                    text-anchor=(if is_right(x) { "end" } else { "start" }) { (name) }
             }
         }
     }

@@ -50,7 +50,7 @@ use crate::{
     run::report::AdapterInfo,
     store::{DataFolder, FolderError, Store, StoreError, Timestamp},
     web,
-    worker::{GpuRunner, JobEvent, Runner, Worker},
+    worker::{GpuRunner, JobEvent, Runner, Worker, give_way},
 };
 use axum::{
     Router,
@@ -165,6 +165,11 @@ pub struct Running {
 
 /// Serves until SIGINT or SIGTERM, then hands the running job back to the queue and returns.
 pub async fn serve(config: Config) -> Result<(), ServeError> {
+    // Whoever of them starts it, the pool is for jobs and for pictures, neither of which is to keep a request waiting.
+    let pool = rayon::ThreadPoolBuilder::new().start_handler(|_| give_way());
+    if let Err(error) = pool.build_global() {
+        tracing::warn!(%error, "the pool of threads was there before");
+    }
     let reader = FileReader::new(Backend::Auto, Limits::default());
     let (runner, found) = GpuRunner::new(config.adapter.clone(), reader.clone());
     match &found {

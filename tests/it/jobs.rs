@@ -2,6 +2,7 @@
 
 use crate::support::service::{TestService, packed};
 use serde_json::json;
+use std::fs;
 
 #[test]
 fn what_was_asked_before_is_answered_from_the_store() {
@@ -78,4 +79,39 @@ fn a_job_can_validate_its_adapter() {
     let absent = client.get(&format!("/reports/{}/validation", report["id"]));
     assert_eq!(absent.status, 404);
     assert!(absent.text().contains("was not validated"), "{}", absent.text());
+}
+
+/// Nice values of this process' threads whose names begin so.
+fn nice_values(name: &str) -> Vec<i32> {
+    let threads = fs::read_dir("/proc/self/task")
+        .unwrap()
+        .map(|thread| thread.unwrap().path());
+    let stats = threads.filter_map(|thread| fs::read_to_string(thread.join("stat")).ok());
+    let nice = |stat: String| {
+        let (head, tail) = stat.rsplit_once(')')?;
+        let is_one = head.split_once('(')?.1.starts_with(name);
+        is_one.then(|| tail.split_whitespace().nth(16)?.parse().ok()).flatten()
+    };
+    stats.filter_map(nice).collect()
+}
+
+#[test]
+fn jobs_give_way_to_requests() {
+    let service = TestService::with_gpu();
+    let client = service.client();
+    client.put("pan", &packed("pan"));
+    let id = client.start_job(&json!({"sequence": "pan", "presets": ["ema"]}));
+    client.wait_for(id, &["done"]);
+    let expected = (nice_values("tokio").into_iter().max().unwrap() + 5).min(19);
+    let jobs = nice_values("worker");
+    assert!(
+        !jobs.is_empty() && jobs.iter().all(|&nice| nice == expected),
+        "{jobs:?}, not {expected}"
+    );
+    // Another test's device may be in this process, too.
+    let device = nice_values("llvmpipe");
+    assert!(
+        device.is_empty() || device.contains(&expected),
+        "{device:?}, not {expected}"
+    );
 }

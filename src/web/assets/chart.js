@@ -6,6 +6,9 @@ import { color, format, moment, tick } from "./format.js";
 
 export { finite, format } from "./format.js";
 
+/** Settled once the page was shown without charts: to load and draw them first would keep its words and figures waiting. */
+export const shown = new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
+
 const N_COLORS = 8;
 const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
 const FRAME_STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
@@ -66,6 +69,12 @@ function stack(lines) {
   return lines.map((line) => line.values.map((value, i) => (sums[i] += value ?? 0)));
 }
 
+/** A single moment, or frame, stands in the middle of an hour on either side, or of a frame. */
+function room(low, high, time) {
+  const side = low === high ? (time ? 3600 : 1) : 0;
+  return [low - side, high + side];
+}
+
 const size = (box, spec) => ({ width: box.clientWidth, height: spec.height ?? (box.clientWidth < 600 ? 240 : 320) });
 
 function options(box, spec) {
@@ -89,7 +98,7 @@ function options(box, spec) {
   return {
     ...size(box, spec),
     scales: {
-      x: { time, ...(spec.range ? { range: () => spec.range } : {}) },
+      x: { time, range: (_, low, high) => spec.range ?? room(low, high, time) },
       y: { range: (_, low, high) => spread(low, high, spec) },
     },
     axes: [

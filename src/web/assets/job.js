@@ -1,6 +1,6 @@
 // A job's page: follows it while it runs, and charts its frames.
 
-import { draw, finite, format } from "./chart.js";
+import { draw, finite, format, shown } from "./chart.js";
 import { follow, cancel } from "./progress.js";
 
 const data = JSON.parse(document.getElementById("data").textContent);
@@ -20,6 +20,7 @@ if (data.running) {
 }
 
 if (data.reports.length && byId("chart")) {
+  await shown;
   const lists = await Promise.all(
     data.reports.map(({ id }) => fetch(`/api/v1/reports/${id}/frames`).then((answer) => answer.json())),
   );

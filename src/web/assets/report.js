@@ -1,12 +1,13 @@
 // A report's frames: a small chart a metric, the times of passes on each other, one cursor for all. Another report may lie
 // beside it.
 
-import { draw, finite, format } from "./chart.js";
+import { draw, finite, format, shown } from "./chart.js";
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const byId = (id) => document.getElementById(id);
 const frames = (id) => fetch(`/api/v1/reports/${id}/frames`).then((answer) => answer.json());
 
+await shown;
 const [own, other] = await Promise.all([frames(data.report), data.other ? frames(data.other.id) : null]);
 const list = own.frames;
 const x = list.map((frame) => frame.index);

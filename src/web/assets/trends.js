@@ -1,7 +1,7 @@
 // The trends' charts. Points come from the API, thinned to what the screen can show, and anew for each zoom. The range
 // and the difference are in the address, as everything else on the page is.
 
-import { draw, finite, format } from "./chart.js";
+import { draw, finite, format, shown } from "./chart.js";
 import { moment, table } from "./format.js";
 import { difference, marks, points } from "./series.js";
 
@@ -201,4 +201,5 @@ function showRange() {
 document.querySelector("#range button").addEventListener("click", () => zoom());
 addEventListener("popstate", () => location.reload());
 showRange();
+await shown;
 for (const panel of panels) panel.load();
