@@ -64,6 +64,8 @@ struct Object {
     // RGB multiplies the material's colour, a its alpha.
     @location(13) tint: vec4f,
     @location(14) id: u32,
+    // Stochastic alpha draws by it, whichever instance of a batch this is.
+    @location(15) seed: u32,
 }
 
 struct ColorVarying {
@@ -128,19 +130,19 @@ fn world_normal(object: Object, normal: vec3f) -> vec3f {
 }
 
 @vertex
-fn vs_color(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32) -> ColorVarying {
+fn vs_color(vertex: Vertex, object: Object) -> ColorVarying {
     return ColorVarying(
         jittered(clip_of(object, vertex.position)),
         world_of(object, vertex.position),
         world_normal(object, vertex.normal),
         vertex.uv,
         object.tint,
-        seed,
+        object.seed,
     );
 }
 
 @vertex
-fn vs_surface(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32) -> SurfaceVarying {
+fn vs_surface(vertex: Vertex, object: Object) -> SurfaceVarying {
     let clip = clip_of(object, vertex.position);
     return SurfaceVarying(
         jittered(clip),
@@ -148,7 +150,7 @@ fn vs_surface(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32
         world_normal(object, vertex.normal),
         vertex.uv,
         object.tint,
-        seed,
+        object.seed,
         object.id,
         clip,
         previous_clip_of(object, vertex.previous_position),

@@ -10,7 +10,7 @@ use crate::{
     gpu::{Gpu, GpuError, Raster, RasterBound, RasterSpec, Texture},
     image::{Extent, Image},
 };
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec3, DVec4};
 use std::{ops::Range, sync::Arc};
 
 /// How textures are looked up.
@@ -103,6 +103,8 @@ pub(super) struct Renderer {
     materials: Vec<wgpu::BindGroup>,
     opaque: Vec<Batch>,
     blended: Vec<Batch>,
+    /// Smallest and largest corner of each mesh that does not move by itself.
+    bounds: Vec<Option<[DVec3; 2]>>,
     objects: wgpu::Buffer,
     lights: wgpu::Buffer,
     shadow_map: Texture,
@@ -115,7 +117,9 @@ pub(super) struct Renderer {
 pub(super) struct PreparedFrame {
     pub moment: Moment,
     group: wgpu::BindGroup,
-    /// Blended batches from the farthest.
+    /// Of each opaque batch, what the camera may see.
+    opaque: Vec<Range<u32>>,
+    /// Blended batches that it may see, from the farthest.
     blended: Vec<usize>,
 }
 
@@ -134,6 +138,7 @@ impl Renderer {
                 materials: bind_materials(gpu, &pipelines.raster, &scene, texturing)?,
                 opaque,
                 blended,
+                bounds: scene.meshes.iter().map(bounds).collect(),
                 objects: buffer(
                     gpu,
                     "objects",
@@ -167,7 +172,13 @@ impl Renderer {
     pub fn prepare(&self, times: [f64; 2], extent: Extent, aspect: f64) -> Result<PreparedFrame, GpuError> {
         let moment = Moment::new(&self.scene, times, aspect);
         self.upload_deformed(times);
-        self.upload_objects(&moment);
+        let seen = self.seen(&moment, extent);
+        self.upload_objects(&moment, &seen);
+        let n_seen = |batch: &Batch| {
+            let Range { start, end } = batch.objects;
+            let seen = &seen[start as usize..end as usize];
+            start..start + seen.iter().filter(|&&seen| seen).count() as u32
+        };
         let shadow_group = self.bind_frame(&moment, extent, &self.no_shadow_map)?;
         if self.scene.shadows.is_some() {
             self.draw_shadows(&shadow_group)?;
@@ -177,6 +188,7 @@ impl Renderer {
             .blended
             .iter()
             .enumerate()
+            .filter(|(_, batch)| seen[batch.objects.start as usize])
             .map(|(i, batch)| {
                 let at = moment.objects[batch.objects.start as usize][0].transform_point3(DVec3::ZERO);
                 (-world_from_view.transform_point3(at).z, i)
@@ -186,6 +198,7 @@ impl Renderer {
         Ok(PreparedFrame {
             group: self.bind_frame(&moment, extent, &self.shadow_map)?,
             moment,
+            opaque: self.opaque.iter().map(n_seen).collect(),
             blended: blended.into_iter().map(|(_, i)| i).collect(),
         })
     }
@@ -202,20 +215,36 @@ impl Renderer {
         }
     }
 
-    fn upload_objects(&self, moment: &Moment) {
+    /// Whether each object may be within the image, with room for jitter beside it.
+    fn seen(&self, moment: &Moment, extent: Extent) -> Vec<bool> {
+        let beside = 1.0 + 4.0 / f64::from(extent.width.min(extent.height));
+        let clip_from_world = moment.camera.from_world();
+        let objects = self.scene.objects.iter().zip(&moment.objects);
+        let seen = objects.map(|(object, [now, _])| {
+            let bounds = self.bounds[object.mesh];
+            bounds.is_none_or(|bounds| may_be_within(clip_from_world * *now, bounds, beside))
+        });
+        seen.collect()
+    }
+
+    /// Those of a batch that are seen come before its others, and otherwise in their order.
+    fn upload_objects(&self, moment: &Moment, seen: &[bool]) {
+        let mut order: Vec<usize> = (0..seen.len()).collect();
+        for Batch { objects, .. } in &self.opaque {
+            order[objects.start as usize..objects.end as usize].sort_by_key(|&i| !seen[i]);
+        }
         let clip = [moment.camera.from_world(), moment.previous_camera.from_world()];
         let rows = |matrix: DMat4, kept: [usize; 3]| kept.map(|i| matrix.row(i).as_vec4().to_array());
-        let objects: Vec<_> = self
-            .scene
-            .objects
-            .iter()
-            .zip(&moment.objects)
-            .map(|(object, [now, before])| DeviceObject {
+        let objects: Vec<_> = order
+            .into_iter()
+            .map(|i| (i, &self.scene.objects[i], &moment.objects[i]))
+            .map(|(i, object, [now, before])| DeviceObject {
                 clip_from_object: rows(clip[0] * *now, [0, 1, 3]),
                 previous_clip_from_object: rows(clip[1] * *before, [0, 1, 3]),
                 world_from_object: rows(*now, [0, 1, 2]),
                 tint: object.tint,
                 id: object.id,
+                seed: i as u32,
             })
             .collect();
         self.gpu
@@ -306,7 +335,7 @@ impl Renderer {
             pass.set_bind_group(1, &view, &[]);
             for batch in &self.opaque {
                 if self.scene.materials[batch.material].casts_shadow {
-                    self.draw(&mut pass, batch, |variant| Some(&variant.shadow));
+                    self.draw(&mut pass, batch, &batch.objects, |variant| Some(&variant.shadow));
                 }
             }
         }
@@ -328,8 +357,8 @@ impl Renderer {
             let mut pass = begin(encoder, "depth", &[], &target.depth, Some(0.0));
             pass.set_bind_group(0, &frame.group, &[]);
             pass.set_bind_group(1, &view, &[]);
-            for batch in &self.opaque {
-                self.draw(&mut pass, batch, |variant| variant.depth.as_ref());
+            for (batch, objects) in self.opaque.iter().zip(&frame.opaque) {
+                self.draw(&mut pass, batch, objects, |variant| variant.depth.as_ref());
             }
         }
         let mut pass = begin(encoder, "colour", &[&target.color], &target.depth, None);
@@ -372,7 +401,7 @@ impl Renderer {
         pass.set_bind_group(0, &frame.group, &[]);
         pass.set_bind_group(1, &view, &[]);
         for batch in &self.opaque {
-            self.draw(&mut pass, batch, |variant| Some(&variant.previous));
+            self.draw(&mut pass, batch, &batch.objects, |variant| Some(&variant.previous));
         }
         Ok(())
     }
@@ -387,14 +416,15 @@ impl Renderer {
     ) {
         pass.set_bind_group(0, &frame.group, &[]);
         pass.set_bind_group(1, view, &[]);
-        for batch in &self.opaque {
-            self.draw(pass, batch, &pipeline);
+        for (batch, objects) in self.opaque.iter().zip(&frame.opaque) {
+            self.draw(pass, batch, objects, &pipeline);
         }
         pass.set_pipeline(sky);
         pass.set_bind_group(2, self.materials.last(), &[]);
         pass.draw(0..3, 0..1);
         for &i in &frame.blended {
-            self.draw(pass, &self.blended[i], &pipeline);
+            let batch = &self.blended[i];
+            self.draw(pass, batch, &batch.objects, &pipeline);
         }
     }
 
@@ -402,8 +432,12 @@ impl Renderer {
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
         batch: &Batch,
+        objects: &Range<u32>,
         pipeline: impl Fn(&'a Variant) -> Option<&'a wgpu::RenderPipeline>,
     ) {
+        if objects.is_empty() {
+            return;
+        }
         let mesh = &self.meshes[batch.mesh];
         let kind = Kind::of(&self.scene.materials[batch.material]);
         let Some(pipeline) = pipeline(&self.pipelines.variants[&kind]) else {
@@ -415,7 +449,7 @@ impl Renderer {
         pass.set_vertex_buffer(1, mesh.previous.as_ref().unwrap_or(&mesh.vertices).slice(..));
         pass.set_vertex_buffer(2, self.objects.slice(..));
         pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.draw_indexed(0..mesh.n_indices, 0, batch.objects.clone());
+        pass.draw_indexed(0..mesh.n_indices, 0, objects.clone());
     }
 }
 
@@ -479,6 +513,33 @@ fn batches(scene: &Scene) -> (Vec<Batch>, Vec<Batch>) {
         }
     }
     (opaque, blended)
+}
+
+/// The smallest and the largest corner of a mesh; none where vertices move by themselves, or there are none.
+fn bounds(mesh: &Mesh) -> Option<[DVec3; 2]> {
+    let corners = mesh
+        .vertices
+        .iter()
+        .map(|vertex| DVec3::from_array(vertex.position.map(f64::from)));
+    let bounds = corners
+        .map(|corner| [corner; 2])
+        .reduce(|[low, high], [a, b]| [low.min(a), high.max(b)]);
+    bounds.filter(|_| mesh.deform.is_none())
+}
+
+/// Whether a box may reach into the image, or `beside` times its half width and height around the middle: not where all of its
+/// corners are beyond one side, or behind the camera.
+fn may_be_within(clip_from_object: DMat4, [low, high]: [DVec3; 2], beside: f64) -> bool {
+    let corners: [DVec4; 8] = std::array::from_fn(|i| {
+        let axis = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        clip_from_object * DVec4::new(axis(0), axis(1), axis(2), 1.0)
+    });
+    let all = |is_beyond: &dyn Fn(&DVec4) -> bool| corners.iter().all(is_beyond);
+    !(all(&|c| c.x > beside * c.w)
+        || all(&|c| c.x < -beside * c.w)
+        || all(&|c| c.y > beside * c.w)
+        || all(&|c| c.y < -beside * c.w)
+        || all(&|c| c.w < 0.0))
 }
 
 fn buffer(gpu: &Gpu, label: &str, size: usize, usage: wgpu::BufferUsages) -> wgpu::Buffer {
@@ -573,4 +634,30 @@ fn bind_materials(
         )
     };
     scene.materials.iter().chain([&sky]).map(bind).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_beside_and_behind_are_not_within() {
+        // Looks along −z with a field of view of 90°.
+        let clip_from_view = DMat4::from_cols(
+            DVec4::X,
+            DVec4::Y,
+            DVec4::new(0.0, 0.0, 0.0, -1.0),
+            DVec4::new(0.0, 0.0, 0.1, 0.0),
+        );
+        let within = |center: [f64; 3], half: f64| {
+            let center = DVec3::from_array(center);
+            may_be_within(clip_from_view, [center - half, center + half], 1.0)
+        };
+        assert!(within([0.0, 0.0, -5.0], 1.0));
+        assert!(within([5.5, 0.0, -5.0], 1.0), "reaches in from the side");
+        assert!(!within([8.0, 0.0, -5.0], 1.0) && !within([0.0, -8.0, -5.0], 1.0));
+        assert!(!within([0.0, 0.0, 5.0], 1.0), "behind");
+        assert!(within([0.0, 0.0, 0.0], 1.0), "around the camera");
+        assert!(within([0.0, 0.0, 5.0], 20.0), "a room that the camera is in");
+    }
 }
