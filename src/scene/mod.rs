@@ -11,6 +11,7 @@
 mod baker;
 pub mod builtin;
 mod cache;
+mod culling;
 mod disocclusion;
 mod folder;
 pub mod gltf;

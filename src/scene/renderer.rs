@@ -1,6 +1,7 @@
 //! Draws a scene: uploads what it is made of once, and what moves once a frame; then any number of views.
 
 use super::{
+    culling::Culling,
     model::{Alpha, Filter, Material, Mesh, Scene},
     moment::Moment,
     pipelines::{DeviceObject, Kind, Pipelines, SURFACE_FORMATS, Variant},
@@ -10,7 +11,7 @@ use crate::{
     gpu::{Gpu, GpuError, Raster, RasterBound, RasterSpec, Texture},
     image::{Extent, Image},
 };
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3};
 use std::{ops::Range, sync::Arc};
 
 /// How textures are looked up.
@@ -103,8 +104,7 @@ pub(super) struct Renderer {
     materials: Vec<wgpu::BindGroup>,
     opaque: Vec<Batch>,
     blended: Vec<Batch>,
-    /// Smallest and largest corner of each mesh that does not move by itself.
-    bounds: Vec<Option<[DVec3; 2]>>,
+    culling: Culling,
     objects: wgpu::Buffer,
     lights: wgpu::Buffer,
     shadow_map: Texture,
@@ -138,7 +138,7 @@ impl Renderer {
                 materials: bind_materials(gpu, &pipelines.raster, &scene, texturing)?,
                 opaque,
                 blended,
-                bounds: scene.meshes.iter().map(bounds).collect(),
+                culling: Culling::new(&scene),
                 objects: buffer(
                     gpu,
                     "objects",
@@ -172,7 +172,7 @@ impl Renderer {
     pub fn prepare(&self, times: [f64; 2], extent: Extent, aspect: f64) -> Result<PreparedFrame, GpuError> {
         let moment = Moment::new(&self.scene, times, aspect);
         self.upload_deformed(times);
-        let seen = self.seen(&moment, extent);
+        let seen = self.culling.seen(&self.scene, &moment, extent);
         self.upload_objects(&moment, &seen);
         let n_seen = |batch: &Batch| {
             let Range { start, end } = batch.objects;
@@ -213,18 +213,6 @@ impl Renderer {
                 self.gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&vertices));
             }
         }
-    }
-
-    /// Whether each object may be within the image, with room for jitter beside it.
-    fn seen(&self, moment: &Moment, extent: Extent) -> Vec<bool> {
-        let beside = 1.0 + 4.0 / f64::from(extent.width.min(extent.height));
-        let clip_from_world = moment.camera.from_world();
-        let objects = self.scene.objects.iter().zip(&moment.objects);
-        let seen = objects.map(|(object, [now, _])| {
-            let bounds = self.bounds[object.mesh];
-            bounds.is_none_or(|bounds| may_be_within(clip_from_world * *now, bounds, beside))
-        });
-        seen.collect()
     }
 
     /// Those of a batch that are seen come before its others, and otherwise in their order.
@@ -515,33 +503,6 @@ fn batches(scene: &Scene) -> (Vec<Batch>, Vec<Batch>) {
     (opaque, blended)
 }
 
-/// The smallest and the largest corner of a mesh; none where vertices move by themselves, or there are none.
-fn bounds(mesh: &Mesh) -> Option<[DVec3; 2]> {
-    let corners = mesh
-        .vertices
-        .iter()
-        .map(|vertex| DVec3::from_array(vertex.position.map(f64::from)));
-    let bounds = corners
-        .map(|corner| [corner; 2])
-        .reduce(|[low, high], [a, b]| [low.min(a), high.max(b)]);
-    bounds.filter(|_| mesh.deform.is_none())
-}
-
-/// Whether a box may reach into the image, or `beside` times its half width and height around the middle: not where all of its
-/// corners are beyond one side, or behind the camera.
-fn may_be_within(clip_from_object: DMat4, [low, high]: [DVec3; 2], beside: f64) -> bool {
-    let corners: [DVec4; 8] = std::array::from_fn(|i| {
-        let axis = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        clip_from_object * DVec4::new(axis(0), axis(1), axis(2), 1.0)
-    });
-    let all = |is_beyond: &dyn Fn(&DVec4) -> bool| corners.iter().all(is_beyond);
-    !(all(&|c| c.x > beside * c.w)
-        || all(&|c| c.x < -beside * c.w)
-        || all(&|c| c.y > beside * c.w)
-        || all(&|c| c.y < -beside * c.w)
-        || all(&|c| c.w < 0.0))
-}
-
 fn buffer(gpu: &Gpu, label: &str, size: usize, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
@@ -634,30 +595,4 @@ fn bind_materials(
         )
     };
     scene.materials.iter().chain([&sky]).map(bind).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn boxes_beside_and_behind_are_not_within() {
-        // Looks along −z with a field of view of 90°.
-        let clip_from_view = DMat4::from_cols(
-            DVec4::X,
-            DVec4::Y,
-            DVec4::new(0.0, 0.0, 0.0, -1.0),
-            DVec4::new(0.0, 0.0, 0.1, 0.0),
-        );
-        let within = |center: [f64; 3], half: f64| {
-            let center = DVec3::from_array(center);
-            may_be_within(clip_from_view, [center - half, center + half], 1.0)
-        };
-        assert!(within([0.0, 0.0, -5.0], 1.0));
-        assert!(within([5.5, 0.0, -5.0], 1.0), "reaches in from the side");
-        assert!(!within([8.0, 0.0, -5.0], 1.0) && !within([0.0, -8.0, -5.0], 1.0));
-        assert!(!within([0.0, 0.0, 5.0], 1.0), "behind");
-        assert!(within([0.0, 0.0, 0.0], 1.0), "around the camera");
-        assert!(within([0.0, 0.0, 5.0], 20.0), "a room that the camera is in");
-    }
 }

@@ -69,11 +69,8 @@ function stack(lines) {
   return lines.map((line) => line.values.map((value, i) => (sums[i] += value ?? 0)));
 }
 
-/** A single moment, or frame, stands in the middle of an hour on either side, or of a frame. */
-function room(low, high, time) {
-  const side = low === high ? (time ? 3600 : 1) : 0;
-  return [low - side, high + side];
-}
+/** A single moment stands in the middle of two hours, a single frame between two others. */
+const around = (x, time) => (time ? [x - 3600, x + 3600] : [x - 1, x + 1]);
 
 const size = (box, spec) => ({ width: box.clientWidth, height: spec.height ?? (box.clientWidth < 600 ? 240 : 320) });
 
@@ -98,7 +95,7 @@ function options(box, spec) {
   return {
     ...size(box, spec),
     scales: {
-      x: { time, range: (_, low, high) => spec.range ?? room(low, high, time) },
+      x: { time, range: (_, low, high) => spec.range ?? (x.length > 1 ? [low, high] : around(x[0], time)) },
       y: { range: (_, low, high) => spread(low, high, spec) },
     },
     axes: [

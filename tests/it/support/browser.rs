@@ -108,6 +108,12 @@ impl Page {
     /// A command of the DevTools protocol and its result.
     #[track_caller]
     pub fn send(&mut self, method: &str, parameters: &Value) -> Value {
+        let answer = self.ask(method, parameters);
+        answer.unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// The same, or what the browser says in its place.
+    fn ask(&mut self, method: &str, parameters: &Value) -> Result<Value, Value> {
         self.last_id += 1;
         let mut message = json!({"id": self.last_id, "method": method, "params": parameters});
         if let Some(session) = &self.session {
@@ -117,8 +123,10 @@ impl Page {
         loop {
             let answer = self.hear();
             if answer["id"] == self.last_id {
-                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
-                return answer["result"].clone();
+                return match &answer["error"] {
+                    Value::Null => Ok(answer["result"].clone()),
+                    error => Err(error.clone()),
+                };
             }
             match answer["method"].as_str() {
                 Some("Runtime.exceptionThrown") => {
@@ -173,7 +181,10 @@ impl Page {
         let deadline = Instant::now() + PATIENCE;
         // A page that is being left answers with an error.
         let asked = json!({"expression": format!("!!({expression})"), "returnByValue": true});
-        while self.send("Runtime.evaluate", &asked)["result"]["value"] != true {
+        while !self
+            .ask("Runtime.evaluate", &asked)
+            .is_ok_and(|answer| answer["result"]["value"] == true)
+        {
             if Instant::now() > deadline {
                 let address = self.text("location.href");
                 let body = self.text("document.body.innerText.slice(0, 2000)");
