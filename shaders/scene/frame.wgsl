@@ -64,8 +64,6 @@ struct Object {
     // RGB multiplies the material's colour, a its alpha.
     @location(13) tint: vec4f,
     @location(14) id: u32,
-    // Stochastic alpha draws by it, whichever instance of a batch this is.
-    @location(15) seed: u32,
 }
 
 struct ColorVarying {
@@ -130,19 +128,19 @@ fn world_normal(object: Object, normal: vec3f) -> vec3f {
 }
 
 @vertex
-fn vs_color(vertex: Vertex, object: Object) -> ColorVarying {
+fn vs_color(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32) -> ColorVarying {
     return ColorVarying(
         jittered(clip_of(object, vertex.position)),
         world_of(object, vertex.position),
         world_normal(object, vertex.normal),
         vertex.uv,
         object.tint,
-        object.seed,
+        seed,
     );
 }
 
 @vertex
-fn vs_surface(vertex: Vertex, object: Object) -> SurfaceVarying {
+fn vs_surface(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32) -> SurfaceVarying {
     let clip = clip_of(object, vertex.position);
     return SurfaceVarying(
         jittered(clip),
@@ -150,7 +148,7 @@ fn vs_surface(vertex: Vertex, object: Object) -> SurfaceVarying {
         world_normal(object, vertex.normal),
         vertex.uv,
         object.tint,
-        object.seed,
+        seed,
         object.id,
         clip,
         previous_clip_of(object, vertex.previous_position),

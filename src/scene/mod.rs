@@ -11,7 +11,6 @@
 mod baker;
 pub mod builtin;
 mod cache;
-mod culling;
 mod disocclusion;
 mod folder;
 pub mod gltf;

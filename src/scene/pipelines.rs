@@ -81,11 +81,11 @@ const STRIDE: u64 = size_of::<Vertex>() as u64;
 const CURRENT: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x2];
 const PREVIOUS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x3];
 
-const OBJECT: [wgpu::VertexAttribute; 12] = wgpu::vertex_attr_array![
+const OBJECT: [wgpu::VertexAttribute; 11] = wgpu::vertex_attr_array![
     4 => Float32x4, 5 => Float32x4, 6 => Float32x4,
     7 => Float32x4, 8 => Float32x4, 9 => Float32x4,
     10 => Float32x4, 11 => Float32x4, 12 => Float32x4,
-    13 => Float32x4, 14 => Uint32, 15 => Uint32,
+    13 => Float32x4, 14 => Uint32,
 ];
 
 /// An object's matrices and looks, as `Object` in `frame.wgsl` has them.
@@ -100,7 +100,6 @@ pub(super) struct DeviceObject {
     pub world_from_object: [[f32; 4]; 3],
     pub tint: [f32; 4],
     pub id: u32,
-    pub seed: u32,
 }
 
 /// The vertices now, those of the frame before, which are the same where nothing deforms, and the objects.

@@ -1,7 +1,6 @@
 //! Draws a scene: uploads what it is made of once, and what moves once a frame; then any number of views.
 
 use super::{
-    culling::Culling,
     model::{Alpha, Filter, Material, Mesh, Scene},
     moment::Moment,
     pipelines::{DeviceObject, Kind, Pipelines, SURFACE_FORMATS, Variant},
@@ -104,7 +103,6 @@ pub(super) struct Renderer {
     materials: Vec<wgpu::BindGroup>,
     opaque: Vec<Batch>,
     blended: Vec<Batch>,
-    culling: Culling,
     objects: wgpu::Buffer,
     lights: wgpu::Buffer,
     shadow_map: Texture,
@@ -117,9 +115,7 @@ pub(super) struct Renderer {
 pub(super) struct PreparedFrame {
     pub moment: Moment,
     group: wgpu::BindGroup,
-    /// Of each opaque batch, what the camera may see.
-    opaque: Vec<Range<u32>>,
-    /// Blended batches that it may see, from the farthest.
+    /// Blended batches from the farthest.
     blended: Vec<usize>,
 }
 
@@ -138,7 +134,6 @@ impl Renderer {
                 materials: bind_materials(gpu, &pipelines.raster, &scene, texturing)?,
                 opaque,
                 blended,
-                culling: Culling::new(&scene),
                 objects: buffer(
                     gpu,
                     "objects",
@@ -172,13 +167,7 @@ impl Renderer {
     pub fn prepare(&self, times: [f64; 2], extent: Extent, aspect: f64) -> Result<PreparedFrame, GpuError> {
         let moment = Moment::new(&self.scene, times, aspect);
         self.upload_deformed(times);
-        let seen = self.culling.seen(&self.scene, &moment, extent);
-        self.upload_objects(&moment, &seen);
-        let n_seen = |batch: &Batch| {
-            let Range { start, end } = batch.objects;
-            let seen = &seen[start as usize..end as usize];
-            start..start + seen.iter().filter(|&&seen| seen).count() as u32
-        };
+        self.upload_objects(&moment);
         let shadow_group = self.bind_frame(&moment, extent, &self.no_shadow_map)?;
         if self.scene.shadows.is_some() {
             self.draw_shadows(&shadow_group)?;
@@ -188,7 +177,6 @@ impl Renderer {
             .blended
             .iter()
             .enumerate()
-            .filter(|(_, batch)| seen[batch.objects.start as usize])
             .map(|(i, batch)| {
                 let at = moment.objects[batch.objects.start as usize][0].transform_point3(DVec3::ZERO);
                 (-world_from_view.transform_point3(at).z, i)
@@ -198,7 +186,6 @@ impl Renderer {
         Ok(PreparedFrame {
             group: self.bind_frame(&moment, extent, &self.shadow_map)?,
             moment,
-            opaque: self.opaque.iter().map(n_seen).collect(),
             blended: blended.into_iter().map(|(_, i)| i).collect(),
         })
     }
@@ -215,24 +202,20 @@ impl Renderer {
         }
     }
 
-    /// Those of a batch that are seen come before its others, and otherwise in their order.
-    fn upload_objects(&self, moment: &Moment, seen: &[bool]) {
-        let mut order: Vec<usize> = (0..seen.len()).collect();
-        for Batch { objects, .. } in &self.opaque {
-            order[objects.start as usize..objects.end as usize].sort_by_key(|&i| !seen[i]);
-        }
+    fn upload_objects(&self, moment: &Moment) {
         let clip = [moment.camera.from_world(), moment.previous_camera.from_world()];
         let rows = |matrix: DMat4, kept: [usize; 3]| kept.map(|i| matrix.row(i).as_vec4().to_array());
-        let objects: Vec<_> = order
-            .into_iter()
-            .map(|i| (i, &self.scene.objects[i], &moment.objects[i]))
-            .map(|(i, object, [now, before])| DeviceObject {
+        let objects: Vec<_> = self
+            .scene
+            .objects
+            .iter()
+            .zip(&moment.objects)
+            .map(|(object, [now, before])| DeviceObject {
                 clip_from_object: rows(clip[0] * *now, [0, 1, 3]),
                 previous_clip_from_object: rows(clip[1] * *before, [0, 1, 3]),
                 world_from_object: rows(*now, [0, 1, 2]),
                 tint: object.tint,
                 id: object.id,
-                seed: i as u32,
             })
             .collect();
         self.gpu
@@ -323,7 +306,7 @@ impl Renderer {
             pass.set_bind_group(1, &view, &[]);
             for batch in &self.opaque {
                 if self.scene.materials[batch.material].casts_shadow {
-                    self.draw(&mut pass, batch, &batch.objects, |variant| Some(&variant.shadow));
+                    self.draw(&mut pass, batch, |variant| Some(&variant.shadow));
                 }
             }
         }
@@ -345,8 +328,8 @@ impl Renderer {
             let mut pass = begin(encoder, "depth", &[], &target.depth, Some(0.0));
             pass.set_bind_group(0, &frame.group, &[]);
             pass.set_bind_group(1, &view, &[]);
-            for (batch, objects) in self.opaque.iter().zip(&frame.opaque) {
-                self.draw(&mut pass, batch, objects, |variant| variant.depth.as_ref());
+            for batch in &self.opaque {
+                self.draw(&mut pass, batch, |variant| variant.depth.as_ref());
             }
         }
         let mut pass = begin(encoder, "colour", &[&target.color], &target.depth, None);
@@ -389,7 +372,7 @@ impl Renderer {
         pass.set_bind_group(0, &frame.group, &[]);
         pass.set_bind_group(1, &view, &[]);
         for batch in &self.opaque {
-            self.draw(&mut pass, batch, &batch.objects, |variant| Some(&variant.previous));
+            self.draw(&mut pass, batch, |variant| Some(&variant.previous));
         }
         Ok(())
     }
@@ -404,15 +387,14 @@ impl Renderer {
     ) {
         pass.set_bind_group(0, &frame.group, &[]);
         pass.set_bind_group(1, view, &[]);
-        for (batch, objects) in self.opaque.iter().zip(&frame.opaque) {
-            self.draw(pass, batch, objects, &pipeline);
+        for batch in &self.opaque {
+            self.draw(pass, batch, &pipeline);
         }
         pass.set_pipeline(sky);
         pass.set_bind_group(2, self.materials.last(), &[]);
         pass.draw(0..3, 0..1);
         for &i in &frame.blended {
-            let batch = &self.blended[i];
-            self.draw(pass, batch, &batch.objects, &pipeline);
+            self.draw(pass, &self.blended[i], &pipeline);
         }
     }
 
@@ -420,12 +402,8 @@ impl Renderer {
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
         batch: &Batch,
-        objects: &Range<u32>,
         pipeline: impl Fn(&'a Variant) -> Option<&'a wgpu::RenderPipeline>,
     ) {
-        if objects.is_empty() {
-            return;
-        }
         let mesh = &self.meshes[batch.mesh];
         let kind = Kind::of(&self.scene.materials[batch.material]);
         let Some(pipeline) = pipeline(&self.pipelines.variants[&kind]) else {
@@ -437,7 +415,7 @@ impl Renderer {
         pass.set_vertex_buffer(1, mesh.previous.as_ref().unwrap_or(&mesh.vertices).slice(..));
         pass.set_vertex_buffer(2, self.objects.slice(..));
         pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.draw_indexed(0..mesh.n_indices, 0, objects.clone());
+        pass.draw_indexed(0..mesh.n_indices, 0, batch.objects.clone());
     }
 }
 
