@@ -252,7 +252,7 @@ impl Results {
             div.chart #chart {}
             details {
                 summary { "The same as a table: " (metric) }
-                div.scroll { table {
+                div.scroll tabindex="0" role="group" aria-label="Frame by frame" { table {
                     thead { tr { th { "Frame" } @for report in &self.reports { th.number { (parts::recipe(&report.series)) } } } }
                     tbody { @for i in 0..n_frames {
                         @let frame = self.frames.iter().find_map(|frames| frames.get(i));
@@ -333,7 +333,7 @@ impl Results {
         let passes: BTreeSet<&String> = self.reports.iter().flat_map(|report| report.times_ms.keys()).collect();
         let stages = self.reports.first().map(|report| &report.stages_ms);
         html! {
-            div.scroll { table {
+            div.scroll tabindex="0" role="group" aria-label="Times" { table {
                 thead { tr { th { "Preset" } @for pass in &passes { th.number { (pass) " " span.unit { "ms" } } th.number { "min" } th.number { "± MAD" } } } }
                 tbody { @for report in &self.reports {
                     tr {

@@ -324,7 +324,7 @@ impl View<'_> {
     fn table(&self, shown: &[String]) -> Markup {
         let passes: BTreeSet<&String> = self.report.times_ms.keys().collect();
         html! {
-            div.scroll { table {
+            div.scroll tabindex="0" role="group" aria-label="Frame by frame" { table {
                 thead { tr { th { "Frame" }
                     @for metric in shown { th.number { (format::title(metric)) } }
                     @for pass in &passes { th.number { (pass) " " span.unit { "ms" } } } } }

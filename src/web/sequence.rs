@@ -154,7 +154,7 @@ fn conventions(manifest: &Value) -> Markup {
         .iter()
         .filter_map(|name| Some((*name, manifest.get(*name)?.as_object()?)));
     html! {
-        div.scroll { table {
+        div.scroll tabindex="0" role="group" aria-label="Conventions" { table {
             thead { tr { th { "Image" } th { "Files" } th { "Channels" } th { "Conventions" } } }
             tbody { @for (name, section) in sections {
                 tr {

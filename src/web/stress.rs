@@ -236,7 +236,7 @@ fn course(cell: &Cell) -> Markup {
         }
         details {
             summary { "In numbers" }
-            div.scroll { table {
+            div.scroll tabindex="0" role="group" aria-label="Errors" { table {
                 thead { tr { th.number { "Frame" } th.number { "Error, display units" } th.number { "Steps" } } }
                 tbody { @for at in &cell.course {
                     tr {

@@ -532,6 +532,13 @@ fn pages_fit_narrow_screens_and_both_schemes() {
             page.go(&service.url(path));
             let width = page.number("document.documentElement.scrollWidth");
             assert!(width <= 360.0, "{path} is {width} pixels wide");
+            // What scrolls is reached by keys: itself, or something in it.
+            let unreached = page.number(
+                "[...document.querySelectorAll('main *')].filter(e => e.scrollWidth > e.clientWidth + 1 && e.tabIndex < 0
+                   && ['auto', 'scroll'].includes(getComputedStyle(e).overflowX)
+                   && !e.querySelector('a[href], button, input, select, summary, [tabindex]')).length",
+            );
+            assert_eq!(unreached, 0.0, "{path} has what scrolls and cannot be reached");
             grounds.push(page.text("getComputedStyle(document.body).backgroundColor"));
         }
         assert_ne!(grounds[0], grounds[1], "{path} has one scheme");
