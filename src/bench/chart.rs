@@ -117,12 +117,16 @@ fn chart(metric: Metric, now: &[Placed<'_>], before: &[Vec<Placed<'_>>]) -> Mark
     }
 }
 
-/// Where the names of points begin, down the picture: over or under their points, as far away as it takes to cover no other.
-fn name_places(points: &[Placed<'_>], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<f64> {
+/// How far down the picture the names of the front's points stand: over or under their points, as far away as it takes to cover no
+/// other.
+fn name_places(points: &[Placed<'_>], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<Option<f64>> {
     const CHARACTER: f64 = 6.0;
     const LINE: f64 = 12.0;
     let mut taken: Vec<[f64; 4]> = Vec::new();
-    let mut place = |at: &Placed<'_>| {
+    let place = |at: &Placed<'_>| {
+        if at.point.dominated_by.is_some() {
+            return None;
+        }
         let (x, y) = (x(at.ms), y(at.value));
         let width = CHARACTER * at.point.name().chars().count() as f64;
         let left = if is_right(x) { x - GAP - width } else { x + GAP };
@@ -137,12 +141,10 @@ fn name_places(points: &[Placed<'_>], x: impl Fn(f64) -> f64, y: impl Fn(f64) ->
             .into_iter()
             .find(is_free)
             .unwrap_or([left, y - 6.0 - LINE, left + width, y - 6.0]);
-        if at.point.dominated_by.is_none() {
-            taken.push(found);
-        }
-        round(found[3])
+        taken.push(found);
+        Some(round(found[3]))
     };
-    points.iter().map(&mut place).collect()
+    points.iter().map(place).collect()
 }
 
 /// From a point to its name.
@@ -153,10 +155,9 @@ fn is_right(x: f64) -> bool {
     x > 0.5 * WIDTH
 }
 
-/// One point with the interval of its time.
-fn point(at: &Placed<'_>, [x, y]: [f64; 2], name_y: f64, [low, high]: [f64; 2]) -> Markup {
+/// One point with the interval of its time; with a name on the front.
+fn point(at: &Placed<'_>, [x, y]: [f64; 2], name_y: Option<f64>, [low, high]: [f64; 2]) -> Markup {
     let name = at.point.name();
-    let is_dominated = at.point.dominated_by.is_some();
     html! {
         g {
             title {
@@ -164,12 +165,12 @@ fn point(at: &Placed<'_>, [x, y]: [f64; 2], name_y: f64, [low, high]: [f64; 2]) 
                 @if let Some(by) = &at.point.dominated_by { ", dominated by " (by) }
             }
             path d={ "M" (low) " " (y) "H" (high) } stroke=(BLUE) {}
-            @if is_dominated {
-                circle cx=(x) cy=(y) r="3.5" fill="none" stroke="#888" {}
-            } @else {
+            @if let Some(name_y) = name_y {
                 circle cx=(x) cy=(y) r="4" fill=(BLUE) {}
                 text x=(if is_right(x) { x - GAP } else { x + GAP }) y=(name_y)
                     text-anchor=(if is_right(x) { "end" } else { "start" }) { (name) }
+            } @else {
+                circle cx=(x) cy=(y) r="3.5" fill="none" stroke="#888" {}
             }
         }
     }

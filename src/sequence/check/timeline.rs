@@ -81,14 +81,9 @@ pub fn cuts(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
     }
     let scatter = median(&known.iter().map(|(_, share)| (share - usual).abs()).collect::<Vec<_>>()).max(0.01);
     let jumps = |share: f64| share > CUT.max(2.0 * usual) && share > usual + 9.0 * scatter;
-    let (changed, others): (Vec<_>, Vec<_>) = known
-        .iter()
-        .partition(|(index, share)| !resets(*index) && jumps(*share));
-    let relit = relit(
-        belief,
-        changed,
-        others.iter().map(|(index, _)| *index).filter(|index| !resets(*index)),
-    )?;
+    let going_on = known.iter().filter(|(index, _)| !resets(*index));
+    let (changed, others): (Vec<_>, Vec<_>) = going_on.partition(|(_, share)| jumps(*share));
+    let relit = relit(belief, &changed, &others)?;
     for (index, share) in known {
         let finding = if !resets(index) && jumps(share) && !relit.contains(&index) {
             Finding::warning(
@@ -123,22 +118,17 @@ pub fn cuts(belief: &Belief, report: &mut Report) -> Result<(), SequenceError> {
 }
 
 /// Those of some changed frames whose surfaces go on as in the others: a lamp was switched, say, and nothing was cut.
-fn relit(
-    belief: &Belief,
-    changed: Vec<(usize, f64)>,
-    others: impl Iterator<Item = usize>,
-) -> Result<Vec<usize>, SequenceError> {
+fn relit(belief: &Belief, changed: &[(usize, f64)], others: &[(usize, f64)]) -> Result<Vec<usize>, SequenceError> {
     let mut relit = Vec::new();
     if changed.is_empty() {
         return Ok(relit);
     }
-    let others: Vec<usize> = others.collect();
     let shares = spread(others.len(), MAX_DEPTHS)
         .into_iter()
-        .map(|i| depth::misled(belief, others[i]))
+        .map(|i| depth::misled(belief, others[i].0))
         .collect::<Result<Vec<_>, _>>()?;
     let usual = median(&shares.into_iter().flatten().collect::<Vec<_>>());
-    for (index, _) in changed {
+    for &(index, _) in changed {
         // NaN, of no others, is below nothing.
         if depth::misled(belief, index)?.is_some_and(|share| share < CUT || share < 2.0 * usual) {
             relit.push(index);
