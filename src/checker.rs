@@ -9,6 +9,7 @@ use crate::{
         check::{self, Report},
     },
     store::{DataFolder, Store, StoreError, Timestamp},
+    worker::give_way,
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::{
@@ -46,6 +47,7 @@ impl Checker {
     pub fn spawn(self) -> io::Result<thread::JoinHandle<()>> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(1)
+            .start_handler(|_| give_way())
             .build()
             .map_err(io::Error::other)?;
         thread::Builder::new().name("checker".to_owned()).spawn(move || {

@@ -90,7 +90,7 @@ struct SurfaceVarying {
 }
 
 struct DepthVarying {
-    @builtin(position) position: vec4f,
+    @builtin(position) @invariant position: vec4f,
     @location(0) uv: vec2f,
     @location(1) @interpolate(flat) tint: vec4f,
 }
@@ -159,6 +159,12 @@ fn vs_surface(vertex: Vertex, object: Object, @builtin(instance_index) seed: u32
 @vertex
 fn vs_depth(vertex: Vertex, object: Object) -> @builtin(position) @invariant vec4f {
     return jittered(clip_of(object, vertex.position));
+}
+
+// The same of what has holes.
+@vertex
+fn vs_cut(vertex: Vertex, object: Object) -> DepthVarying {
+    return DepthVarying(jittered(clip_of(object, vertex.position)), vertex.uv, object.tint);
 }
 
 // The scene as the sun sees it.

@@ -215,7 +215,7 @@ fn fs_surface(in: SurfaceVarying, @builtin(front_facing) front: bool) -> Surface
     );
 }
 
-// For the sun's and the previous frame's depth: only what has holes needs it.
+// For depth alone: only what has holes needs it.
 @fragment
 fn fs_cut(in: DepthVarying) {
     if base(in.tint, in.uv).a < 0.5 {

@@ -117,34 +117,41 @@ fn chart(metric: Metric, now: &[Placed<'_>], before: &[Vec<Placed<'_>>]) -> Mark
     }
 }
 
-/// How far down the picture the names of the front's points stand: over or under their points, as far away as it takes to cover no
-/// other.
+/// How far down the picture the names of the front's points stand.
 fn name_places(points: &[Placed<'_>], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Vec<Option<f64>> {
-    const CHARACTER: f64 = 6.0;
-    const LINE: f64 = 12.0;
-    let mut taken: Vec<[f64; 4]> = Vec::new();
+    let mut taken = Vec::new();
     let place = |at: &Placed<'_>| {
         if at.point.dominated_by.is_some() {
             return None;
         }
-        let (x, y) = (x(at.ms), y(at.value));
-        let width = CHARACTER * at.point.name().chars().count() as f64;
-        let left = if is_right(x) { x - GAP - width } else { x + GAP };
-        let lines = (0..points.len()).flat_map(|n| [-6.0 - LINE * n as f64, 14.0 + LINE * n as f64]);
-        let boxes = lines.map(|dy| [left, y + dy - LINE, left + width, y + dy]);
-        let is_free = |[left, top, right, bottom]: &[f64; 4]| {
-            let covers =
-                |other: &[f64; 4]| *left < other[2] && other[0] < *right && *top < other[3] && other[1] < *bottom;
-            *top > 0.0 && *bottom < HEIGHT && !taken.iter().any(covers)
-        };
-        let found = boxes
-            .into_iter()
-            .find(is_free)
-            .unwrap_or([left, y - 6.0 - LINE, left + width, y - 6.0]);
+        let found = free_box(&taken, [x(at.ms), y(at.value)], at.point.name().chars().count());
         taken.push(found);
         Some(round(found[3]))
     };
     points.iter().map(place).collect()
+}
+
+/// Left, top, right and bottom.
+type Rect = [f64; 4];
+
+fn overlap(a: &Rect, b: &Rect) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+/// Where a name of so many characters stands: over or under its point, as far away as it takes to cover none that is there.
+fn free_box(taken: &[Rect], [x, y]: [f64; 2], n_characters: usize) -> Rect {
+    const CHARACTER: f64 = 6.0;
+    const LINE: f64 = 12.0;
+    let width = CHARACTER * n_characters as f64;
+    let left = if is_right(x) { x - GAP - width } else { x + GAP };
+    let at = |dy: f64| [left, y + dy - LINE, left + width, y + dy];
+    let is_free =
+        |place: &Rect| place[1] > 0.0 && place[3] < HEIGHT && !taken.iter().any(|other| overlap(place, other));
+    (0..=taken.len())
+        .flat_map(|n| [-6.0 - LINE * n as f64, 14.0 + LINE * n as f64])
+        .map(at)
+        .find(is_free)
+        .unwrap_or_else(|| at(-6.0))
 }
 
 /// From a point to its name.
@@ -179,4 +186,37 @@ fn point(at: &Placed<'_>, [x, y]: [f64; 2], name_y: Option<f64>, [low, high]: [f
 /// Of coordinates: tenths are enough.
 fn round(pixels: f64) -> f64 {
     (10.0 * pixels).round() / 10.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cover_no_other_and_stay_in_the_picture() {
+        // Nine points almost at one place near the top, and one that is alone.
+        let crowd = (0..9).map(|i| ([600.0 + f64::from(i), TOP + 2.0], 14));
+        let mut taken: Vec<Rect> = Vec::new();
+        for (at, n_characters) in crowd.chain([([80.0, 300.0], 20)]) {
+            let place = free_box(&taken, at, n_characters);
+            assert!(
+                taken.iter().all(|other| !overlap(other, &place)),
+                "{place:?} in {taken:?}"
+            );
+            assert!(
+                place[0] > 0.0 && place[1] > 0.0 && place[2] < WIDTH && place[3] < HEIGHT,
+                "{place:?}"
+            );
+            taken.push(place);
+        }
+        assert_eq!(
+            taken[9][3],
+            300.0 - 6.0,
+            "the one that is alone stands right over its point"
+        );
+        assert!(
+            overlap(&free_box(&[], [600.0, 32.0], 14), &taken[0]),
+            "who knows of none covers some"
+        );
+    }
 }

@@ -8,8 +8,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Raised whenever the same settings give other images, so that old bakes are not taken for new ones.
-const VERSION: u32 = 3;
+/// Raised whenever the same settings give other files, so that old bakes are not taken for new ones.
+const VERSION: u32 = 4;
 
 /// A folder of baked sequences.
 #[derive(Clone, Debug)]

@@ -213,13 +213,8 @@ fn write_frame(place: &Path, frame: &BakedFrame) -> Result<(), BakeError> {
         let mut channels: Vec<_> = rgb(COLOR, reference).collect();
         channels.extend(frame.reference_karis.iter().flat_map(|image| rgb(KARIS, image)));
         let path = place.join("reference").join(name);
-        write_exr(
-            &path,
-            reference.extent(),
-            &channels,
-            FloatFormat::Float,
-            Compression::PIZ,
-        )?;
+        let extent = reference.extent();
+        write_exr(&path, extent, &channels, FloatFormat::Float, Compression::ZIP16)?;
     }
     Ok(())
 }

@@ -38,9 +38,9 @@ impl Kind {
 /// The pipelines of one kind of material.
 #[derive(Debug)]
 pub(super) struct Variant {
-    /// Colour alone.
+    /// Colour alone, where `depth` left it in front.
     pub color: wgpu::RenderPipeline,
-    /// Depth alone, ahead of colour; none where there are holes.
+    /// Depth alone, ahead of colour; none where colour decides what is seen through.
     pub depth: Option<wgpu::RenderPipeline>,
     /// Everything a frame holds.
     pub surface: wgpu::RenderPipeline,
@@ -63,9 +63,10 @@ const SOURCES: [&str; 2] = [
     include_str!("../../shaders/scene/surface.wgsl"),
     include_str!("../../shaders/scene/frame.wgsl"),
 ];
-const ENTRIES: [&str; 11] = [
+const ENTRIES: [&str; 12] = [
     "vs_color",
     "vs_depth",
+    "vs_cut",
     "vs_surface",
     "vs_shadow",
     "vs_previous",
@@ -205,7 +206,8 @@ fn blended_targets() -> [Option<wgpu::ColorTargetState>; 4] {
 fn variant(gpu: &Gpu, raster: &Raster, kind: Kind, shadowed: bool, n_lights: usize) -> Result<Variant, GpuError> {
     let blended = kind.alpha == Alpha::Blended;
     let targets = if blended { blended_targets() } else { opaque_targets() };
-    let overrides = overrides(kind, shadowed, n_lights);
+    let overrides_of = |alpha| overrides(Kind { alpha, ..kind }, shadowed, n_lights);
+    let (overrides, overrides_without_holes) = (overrides_of(kind.alpha), overrides_of(Alpha::Opaque));
     let base = RasterSpec {
         overrides: &overrides,
         buffers: &BUFFERS,
@@ -214,20 +216,36 @@ fn variant(gpu: &Gpu, raster: &Raster, kind: Kind, shadowed: bool, n_lights: usi
         ..RasterSpec::default()
     };
     let holes = (kind.alpha != Alpha::Opaque).then_some("fs_cut");
+    let depth_vertex = match kind.alpha {
+        Alpha::Opaque => Some("vs_depth"),
+        Alpha::Cut => Some("vs_cut"),
+        Alpha::Stochastic | Alpha::Blended => None,
+    };
+    let color = RasterSpec {
+        label: "scene, colour",
+        vertex: "vs_color",
+        fragment: Some("fs_color"),
+        targets: &targets[..1],
+        ..base.clone()
+    };
+    let color_after_depth = RasterSpec {
+        overrides: &overrides_without_holes,
+        depth: depth(wgpu::CompareFunction::Equal, false),
+        ..color.clone()
+    };
     let pipeline = |spec: RasterSpec<'_>| raster.pipeline(gpu, &spec);
     Ok(Variant {
-        color: pipeline(RasterSpec {
-            label: "scene, colour",
-            vertex: "vs_color",
-            fragment: Some("fs_color"),
-            targets: &targets[..1],
-            ..base.clone()
+        color: pipeline(if depth_vertex.is_some() {
+            color_after_depth
+        } else {
+            color
         })?,
-        depth: (kind.alpha == Alpha::Opaque)
-            .then(|| {
+        depth: depth_vertex
+            .map(|vertex| {
                 pipeline(RasterSpec {
                     label: "scene, depth",
-                    vertex: "vs_depth",
+                    vertex,
+                    fragment: holes,
                     ..base.clone()
                 })
             })

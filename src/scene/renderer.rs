@@ -419,6 +419,7 @@ impl Renderer {
     }
 }
 
+/// A pass that first clears everything, or nothing: after a pass of depth, every pixel is drawn to, the last by the sky.
 fn begin<'e>(
     encoder: &'e mut wgpu::CommandEncoder,
     label: &str,
@@ -434,7 +435,10 @@ fn begin<'e>(
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    load: match cleared_depth {
+                        Some(_) => wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        None => wgpu::LoadOp::Load,
+                    },
                     store: wgpu::StoreOp::Store,
                 },
             })

@@ -65,9 +65,13 @@ impl Sequence {
         Ok(self.frame_files(index, channels)?.convert(channels))
     }
 
+    /// A frame's reference alone, linear RGB; none where the manifest declares none.
+    pub fn load_reference(&self, index: usize) -> Result<Option<Image<Rgb>>, SequenceError> {
+        Ok(self.files(index, |section| section == Section::Reference)?.reference())
+    }
+
     /// The decoded files of one frame's colour and `channels`.
     pub(super) fn frame_files(&self, index: usize, channels: Channels) -> Result<FrameFiles<'_>, SequenceError> {
-        let entry = self.entry(index)?;
         let derives_motion = self
             .manifest
             .motion
@@ -77,8 +81,14 @@ impl Sequence {
             depth: channels.depth || (channels.motion && derives_motion),
             ..channels
         };
+        self.files(index, |section| wants(reads, section))
+    }
+
+    /// The decoded files of the sections that are wanted.
+    fn files(&self, index: usize, wanted: impl Fn(Section) -> bool) -> Result<FrameFiles<'_>, SequenceError> {
+        let entry = self.entry(index)?;
         let mut images = self.manifest.images();
-        images.retain(|image| wants(reads, image.section));
+        images.retain(|image| wanted(image.section));
         Ok(FrameFiles {
             sequence: self,
             entry,
@@ -184,7 +194,6 @@ impl FrameFiles<'_> {
         let manifest = &self.sequence.manifest;
         let index = self.entry.index;
         let depth = self.depth(0);
-        let reference = manifest.reference.as_ref().map(|reference| reference.color());
         let parity = manifest.checkerboard.as_ref().map(|mask| mask.parity_of(index));
         let color = self.color(Section::Color, 0, Some(&manifest.color));
         let albedo = self.color(Section::Albedo, 0, manifest.albedo.as_ref());
@@ -203,7 +212,7 @@ impl FrameFiles<'_> {
             albedo: shaded(albedo, parity, [0.0; 3]),
             reactive: self.reactive(),
             unjittered_color: self.color(Section::UnjitteredColor, 0, manifest.unjittered_color.as_ref()),
-            reference: self.color(Section::Reference, 0, reference.as_ref()),
+            reference: self.reference(),
             others: manifest.several().map(|several| self.others(several, channels)),
         }
     }
@@ -281,6 +290,11 @@ impl FrameFiles<'_> {
         Some(from_indices(extent, |i| {
             decoder.decode([planes[0][i], planes[1][i], planes[2][i]])
         }))
+    }
+
+    fn reference(&self) -> Option<Image<Rgb>> {
+        let source = self.sequence.manifest.reference.as_ref()?.color();
+        self.color(Section::Reference, 0, Some(&source))
     }
 
     /// The position that pixel `i` samples, jitter included.

@@ -14,10 +14,7 @@ use crate::{
         map::{Map, Scale, error_map},
     },
     run::Trace,
-    sequence::{
-        Channels, Sequence,
-        frame::{Frame, Rgb},
-    },
+    sequence::{Channels, Sequence, frame::Rgb},
     store::Report,
     taa::TILE,
 };
@@ -198,29 +195,26 @@ impl Source {
 
     /// The colour that the engine rendered, jittered if the sequence is.
     fn input(&self, frame_index: usize) -> Result<Image<Rgb>, ApiError> {
-        Ok(self.load(frame_index, Channels::default())?.color)
+        self.check(frame_index)?;
+        let frame = self.0.load(frame_index, Channels::default());
+        Ok(frame.map_err(ApiError::internal)?.color)
     }
 
     fn reference(&self, frame_index: usize) -> Result<Image<Rgb>, ApiError> {
-        let wanted = Channels {
-            reference: true,
-            ..Channels::default()
-        };
-        self.load(frame_index, wanted)?
-            .reference
-            .ok_or_else(|| ApiError::not_found("the sequence has no reference"))
+        self.check(frame_index)?;
+        let reference = self.0.load_reference(frame_index).map_err(ApiError::internal)?;
+        reference.ok_or_else(|| ApiError::not_found("the sequence has no reference"))
     }
 
-    fn load(&self, frame_index: usize, wanted: Channels) -> Result<Frame, ApiError> {
+    fn check(&self, frame_index: usize) -> Result<(), ApiError> {
         let n_frames = self.0.n_frames();
-        if frame_index >= n_frames {
-            let detail = format!(
-                "there is no frame {frame_index}; the sequence has 0 to {}",
-                n_frames - 1
-            );
-            return Err(ApiError::not_found(detail));
+        if frame_index < n_frames {
+            return Ok(());
         }
-        self.0.load(frame_index, wanted).map_err(ApiError::internal)
+        Err(ApiError::not_found(format!(
+            "there is no frame {frame_index}; the sequence has 0 to {}",
+            n_frames - 1
+        )))
     }
 }
 

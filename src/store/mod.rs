@@ -116,6 +116,14 @@ pub struct Store {
 /// Enough for the pages that one dashboard asks for at once; more would only contend for the same disk.
 const N_READERS: u32 = 4;
 
+/// A file on this machine does not go away as a server does: asking each connection whether it still answers, before it is used,
+/// would cost every statement one more turn of the connection's thread.
+fn pool(max_connections: u32) -> SqlitePoolOptions {
+    SqlitePoolOptions::new()
+        .max_connections(max_connections)
+        .test_before_acquire(false)
+}
+
 impl Store {
     /// Opens the file at `path`, creating it and bringing its tables up to date where needed.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
@@ -132,11 +140,7 @@ impl Store {
             // running again and is repeated. `FULL` would sync at every progress mark.
             .synchronous(SqliteSynchronous::Normal)
             .busy_timeout(Duration::from_secs(10));
-        let writer = SqlitePoolOptions::new()
-            .max_connections(1)
-            .connect_with(options.clone())
-            .await
-            .map_err(open_error)?;
+        let writer = pool(1).connect_with(options.clone()).await.map_err(open_error)?;
         sqlx::migrate!()
             .run(&writer)
             .await
@@ -145,8 +149,7 @@ impl Store {
                 source,
             })?;
         convert::convert(&writer).await?;
-        let readers = SqlitePoolOptions::new()
-            .max_connections(N_READERS)
+        let readers = pool(N_READERS)
             .connect_with(options.read_only(true).create_if_missing(false))
             .await
             .map_err(open_error)?;

@@ -133,6 +133,27 @@ fn the_viewer_looks_as_before() {
     page.is_well();
 }
 
+/// What a step is likely to need is fetched before it is asked for, in the direction of the last one.
+#[test]
+fn the_viewer_fetches_where_steps_lead() {
+    let (service, job) = measured();
+    let ids = report_ids(&job);
+    let mut page = Page::open();
+    let until_fetched = |page: &mut Page, frames: &str| {
+        page.until(&format!(
+            "performance.getEntriesByType('resource').map(({{name}}) => name.match(/frames.(\\d+).output.f16/)?.[1])
+                .filter(Boolean).join() == '{frames}'"
+        ));
+    };
+    page.go(&service.url(&format!("/reports/{}/frames/6", ids[0])));
+    until_fetched(&mut page, "6,7,8,9,5");
+    page.key("ArrowLeft");
+    until_fetched(&mut page, "6,7,8,9,5,4,3,2");
+    page.key("Home");
+    until_fetched(&mut page, "6,7,8,9,5,4,3,2,0,1");
+    page.is_well();
+}
+
 /// A picture tells a page from one that lacks a chart, has lines of other colours, or is moved a little.
 #[test]
 fn a_changed_page_looks_different() {

@@ -11,6 +11,9 @@ export class PlainScreen {
     this.pictures = new Map();
   }
 
+  /** What would be computed depends on what it is drawn with. */
+  prepare() {}
+
   draw(panes, look) {
     const { context } = this;
     context.clearRect(0, 0, context.canvas.width, context.canvas.height);

@@ -98,6 +98,11 @@ export class GlScreen {
     return this.places.get(name);
   }
 
+  /** Uploads an image that is likely to be drawn soon. */
+  prepare(image) {
+    this.texture(image);
+  }
+
   texture(image) {
     const { gl, textures } = this;
     let found = textures.get(image);

@@ -42,6 +42,7 @@ const canvas = byId("canvas");
 const screen = (asked.get("renderer") !== "2d" && GlScreen.on(canvas)) || new PlainScreen(canvas);
 let images = null;
 let wanted = 0;
+let isLoading = false;
 let blinked = false;
 
 const view = stage(byId("stage"), {
@@ -59,30 +60,51 @@ const nameOf = (id) => data.images.find((image) => image.id === id).name;
 const visible = () =>
   images && (state.mode === "one" ? [{ name: nameOf(state.a), image: images[0] }] : [0, 1].map((i) => ({ name: nameOf(state["ab"[i]]), image: images[i] })));
 
-/** Shows a frame once its images are here; one that was asked for later goes first. */
-async function show(frame = state.frame) {
+/**
+ * Shows a frame once its images are here; one that was asked for later goes first. Then fetches those that are `likely` to
+ * be asked for next.
+ */
+async function show(frame = state.frame, likely = onwards(frame)) {
   const before = performance.now();
   state.frame = Math.min(Math.max(frame, 0), last);
   const turn = ++wanted;
+  isLoading = true;
   const shown = [state.a, state.b];
   controls();
   let found;
   try {
     found = await Promise.all(shown.map((id) => load(href(id, state.frame))));
   } catch (error) {
-    if (turn === wanted) byId("trouble").textContent = error.message;
+    if (turn === wanted) {
+      byId("trouble").textContent = error.message;
+      isLoading = false;
+    }
     return;
   }
   if (turn !== wanted) return;
+  isLoading = false;
   byId("trouble").textContent = "";
   images = found;
   view.resize([images[0].width, images[0].height].map((n, i) => Math.max(n, images[1][["width", "height"][i]])));
   remember();
   byId("stage").dataset.frame = state.frame;
   byId("stage").dataset.ms = (performance.now() - before).toFixed(1);
-  for (const next of [state.frame + 1, state.frame - 1, ...(playing ? [state.frame + 2, state.frame + 3] : [])]) {
-    if (next >= 0 && next <= last) for (const id of shown) load(href(id, next)).catch(() => {});
+  fetchAhead(turn, shown, likely);
+}
+
+/** One frame after the other: together, the nearest would wait for all. */
+async function fetchAhead(turn, shown, frames) {
+  for (const frame of frames) {
+    if (turn !== wanted) return;
+    if (frame < 0 || frame > last) continue;
+    await Promise.allSettled(shown.map((id) => load(href(id, frame)).then((image) => turn === wanted && screen.prepare(image))));
   }
+}
+
+/** The frames that follow in the direction of a step, and the one that it came from. */
+function onwards(frame) {
+  const by = frame < state.frame ? -1 : 1;
+  return [1, 2, 3, -1].map((n) => frame + n * by);
 }
 
 /** Draws the panes that the mode asks for. `layout` says where the picture lies. */
@@ -165,8 +187,9 @@ const worst = fetch(`/api/v1/reports/${data.report}/frames`)
 
 async function nextWorst(by) {
   const order = await worst;
-  const place = order.indexOf(state.frame);
-  if (order.length) show(order[place < 0 ? 0 : (place + by + order.length) % order.length]);
+  const place = order.includes(state.frame) ? order.indexOf(state.frame) : -by;
+  const after = (n) => order[(place + n * by + order.length) % order.length];
+  if (order.length) show(after(1), [after(2)]);
 }
 
 let playing = 0;
@@ -216,7 +239,8 @@ addEventListener("keydown", (event) => {
   const action = actions[event.key];
   if (!action) return;
   event.preventDefault();
-  action();
+  // A key that is held down asks for frames faster than they come.
+  if (!(event.repeat && isLoading)) action();
 });
 
 const on = (id, event, act) => byId(id)?.addEventListener(event, act);
@@ -229,7 +253,8 @@ on("actual", "click", actions.z);
 on("closer", "click", actions["+"]);
 on("farther", "click", actions["-"]);
 on("swap", "click", actions.x);
-on("frame", "input", () => show(Number(byId("frame").value)));
+on("frame", "input", () => isLoading || show(Number(byId("frame").value)));
+on("frame", "change", () => show(Number(byId("frame").value)));
 for (const name of ["a", "b"]) on(name, "change", () => set({ [name]: byId(name).value }));
 on("shown", "change", () => set({ shown: byId("shown").value }));
 on("ev", "input", () => set({ ev: Number(byId("ev").value) }));
