@@ -52,6 +52,8 @@ function views(menu) {
     show();
   });
   menu.append(element("div", { className: "sheet" }, element("b", { textContent: "Saved views" }), list, form));
+  // Before it is opened too, so that nothing moves under the pointer just after.
+  show();
 }
 
 function theme() {
