@@ -200,7 +200,8 @@ function play() {
   } else {
     const turn = async () => {
       const began = performance.now();
-      await show(state.frame === last ? 0 : state.frame + 1);
+      const after = (n) => (state.frame + n) % (last + 1);
+      await show(after(1), [2, 3, 4].map(after));
       if (playing) playing = setTimeout(turn, Math.max(0, PLAY - (performance.now() - began)));
     };
     playing = setTimeout(turn, 0);
