@@ -288,6 +288,32 @@ fn a_reference_is_the_mean_of_jittered_frames() {
     );
 }
 
+/// A view of colour alone finds what is in front, and cuts holes, before it shades: it shows what one pass over everything shows.
+#[test]
+fn colour_alone_is_the_colour_of_a_frame() {
+    let share_apart = |scene: &str, jitter_scale: f64| {
+        let frame = frame_of(
+            &BakeSettings {
+                jitter_scale,
+                ..settings(scene)
+            },
+            1,
+        );
+        let pairs = frame.color.pixels().iter().zip(frame.unjittered_color.pixels());
+        let apart = pairs.filter(|(a, b)| a.iter().zip(b.iter()).any(|(a, b)| (a - b).abs() > 1e-3 * (1.0 + b)));
+        apart.count() as f64 / SIZE.n_pixels() as f64
+    };
+    for scene in ["foliage", "flowers", "atrium"] {
+        // Where a leaf ends, the two may round a texture's coordinates apart.
+        let apart = share_apart(scene, 0.0);
+        assert!(apart < 1e-3, "{scene}: {apart}");
+        assert!(
+            share_apart(scene, 1.0) > 0.2,
+            "{scene}: the control, half a pixel aside"
+        );
+    }
+}
+
 /// Chance must be averaged: the mean of stochastic alpha is the same whichever frame it is drawn in, a frame is not.
 #[test]
 fn stochastic_alpha_is_drawn_anew() {
