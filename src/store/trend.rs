@@ -84,6 +84,10 @@ impl TrendFilter {
         }
     }
 
+    fn admits_all(&self) -> bool {
+        self.path.is_none() && self.since == Timestamp(i64::MIN) && self.until >= Timestamp::MAX
+    }
+
     fn admits(&self, point: &TrendPoint) -> bool {
         (self.since..=self.until).contains(&point.created_at) && self.path.as_ref().is_none_or(|path| path.has(point))
     }
@@ -113,20 +117,22 @@ pub(super) async fn count_loose(
     Ok(n)
 }
 
-/// Those points, oldest first.
+/// Those points, newest first, and only so many of them.
 pub(super) async fn loose(
     connection: &mut SqliteConnection,
     series_id: i64,
     metric_id: i64,
+    limit: usize,
 ) -> Result<Vec<TrendPoint>, StoreError> {
     let rows = sqlx::query(concat!(
         "SELECT report_id, branch_id, created_at, value, version FROM points
          WHERE series_id = ?1 AND metric_id = ?2 AND ",
         after_blocks!(),
-        " ORDER BY report_id"
+        " ORDER BY report_id DESC LIMIT ?3"
     ))
     .bind(series_id)
     .bind(metric_id)
+    .bind(i64::try_from(limit).unwrap_or(i64::MAX))
     .fetch_all(connection)
     .await?;
     let points: Result<Vec<_>, sqlx::Error> = rows.iter().map(point).collect();
@@ -218,8 +224,9 @@ impl Store {
         let Some(metric_id) = metric_id else {
             return Ok(Vec::new());
         };
-        let mut newest_first = loose(&mut transaction, series_id, metric_id).await?;
-        newest_first.reverse();
+        // What the filter leaves out must not count.
+        let limit = if filter.admits_all() { filter.limit } else { usize::MAX };
+        let mut newest_first = loose(&mut transaction, series_id, metric_id, limit).await?;
         newest_first.retain(|point| filter.admits(point));
         if newest_first.len() < filter.limit {
             older(&mut transaction, series_id, metric_id, filter, &mut newest_first).await?;

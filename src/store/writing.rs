@@ -231,7 +231,8 @@ impl Writer<'_> {
             return Ok(());
         }
         self.memory.loose.remove(&key);
-        let points: Vec<TrendPoint> = trend::loose(self.connection, series_id, metric_id).await?;
+        let mut points: Vec<TrendPoint> = trend::loose(self.connection, series_id, metric_id, usize::MAX).await?;
+        points.reverse();
         let Some(last) = points.last() else { return Ok(()) };
         sqlx::query("INSERT INTO point_blocks (series_id, metric_id, last_report_id, data) VALUES (?, ?, ?, ?)")
             .bind(series_id)
