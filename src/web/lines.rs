@@ -30,12 +30,14 @@ pub struct Line {
 }
 
 impl Choice {
-    /// What a query says. A sequence's name, as people write it into an address, means its latest content.
+    /// What a query says. A sequence's name, as people write it into an address, means its latest content and what was
+    /// measured elsewhere under that name before the content was here.
     pub async fn of(service: &Service, query: &Query) -> Result<Self, PageError> {
         let mut sequences = Vec::new();
         for name in query.all("sequence") {
             let stored = service.store.sequence(&name).await?;
-            sequences.push(stored.map_or(name, |sequence| sequence.hash));
+            sequences.extend(stored.map(|sequence| sequence.hash).filter(|hash| *hash != name));
+            sequences.push(name);
         }
         let mut metrics = query.all("metric");
         if metrics.is_empty() {

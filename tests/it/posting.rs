@@ -123,6 +123,7 @@ fn a_posted_report_is_read_like_any_other() {
 fn a_name_means_the_stored_sequence_where_there_is_one() {
     let service = TestService::start(Idle, &[]);
     let client = service.client();
+    let before = client.posted("/reports", &report(json!({"sequence": "pan"})));
     assert_eq!(client.put("pan", &packed("pan")).status, 201);
     let posted = client.posted("/reports", &report(json!({"sequence": "pan"})));
     let stored = client.get(&format!("/reports/{}", posted["id"])).json();
@@ -136,6 +137,11 @@ fn a_name_means_the_stored_sequence_where_there_is_one() {
     client
         .get(&format!("/reports/{}/frames/1/reference.png", unknown["id"]))
         .is_problem(404, "not_found", None, "known by name only");
+    // A chart of the name goes back to before the sequence was put.
+    let trends = ureq::get(service.url("/trends?sequence=pan")).call().unwrap();
+    let trends = trends.into_body().read_to_string().unwrap();
+    let shows = |posted: &Value| trends.contains(&format!("href=\"/reports/{}\"", posted["id"]));
+    assert_eq!([&before, &posted, &unknown].map(shows), [true, true, false]);
 }
 
 #[test]

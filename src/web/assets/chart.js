@@ -6,8 +6,11 @@ import { color, format, moment, tick } from "./format.js";
 
 export { finite, format } from "./format.js";
 
-/** Settled once the page was shown without charts: to load and draw them first would keep its words and figures waiting. */
-export const shown = new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
+/**
+ * Settled once the page was seen without charts, which may be long after its first animation frame: what they ask of the
+ * service and draw would keep its words and figures waiting.
+ */
+export const shown = new Promise((resolve) => new PerformanceObserver(resolve).observe({ type: "paint", buffered: true }));
 
 const N_COLORS = 8;
 const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
