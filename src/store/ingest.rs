@@ -148,16 +148,10 @@ impl Desk {
         if stale.swap(false, SeqCst) {
             *self = Self::default();
         }
-        sqlx::query("PRAGMA synchronous = FULL")
-            .execute(&mut *connection)
-            .await?;
         let written = self.transaction(&mut connection, batch).await;
         if written.is_err() {
             *self = Self::default();
         }
-        sqlx::query("PRAGMA synchronous = NORMAL")
-            .execute(&mut *connection)
-            .await?;
         written
     }
 

@@ -136,9 +136,8 @@ impl Store {
             .create_if_missing(true)
             .foreign_keys(true)
             .journal_mode(SqliteJournalMode::Wal)
-            // With WAL a power cut can then lose the last transactions, never damage the file: a lost report's job is
-            // running again and is repeated. `FULL` would sync at every progress mark.
-            .synchronous(SqliteSynchronous::Normal)
+            // What a client was told is stored survives a power cut.
+            .synchronous(SqliteSynchronous::Full)
             .busy_timeout(Duration::from_secs(10));
         let writer = pool(1).connect_with(options.clone()).await.map_err(open_error)?;
         sqlx::migrate!()

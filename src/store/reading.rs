@@ -10,7 +10,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::Serialize;
-use sqlx::{FromRow, Row, SqliteConnection, sqlite::SqliteRow};
+use sqlx::{Encode, FromRow, QueryBuilder, Row, Sqlite, SqliteConnection, Type, sqlite::SqliteRow};
 use std::collections::BTreeMap;
 
 /// A stored report without its frames.
@@ -247,22 +247,15 @@ macro_rules! select_reports {
     };
 }
 
-/// Complete reports by one way in and all filters of a list.
-macro_rules! reports_where {
-    ($way:literal, $order:literal) => {
-        concat!(
-            select_reports!("WHERE reports.complete AND "),
-            $way,
-            " AND (?4 IS NULL OR projects.name = ?4)
-               AND (?5 IS NULL OR coalesce(sequences.hash, subjects.name) = ?5)
-               AND (?6 IS NULL OR variants.preset = ?6) AND (?7 IS NULL OR branches.name = ?7)
-               AND (?8 IS NULL OR reports.id < ?8) AND (?1 IS NULL OR reports.job_id = ?1)
-               AND (?2 IS NULL OR reports.series_id = ?2) AND (?3 IS NULL OR reports.git_commit = ?3)
-             ORDER BY ",
-            $order,
-            " LIMIT ?9"
-        )
-    };
+/// Adds a condition where there is a value for it. One that no row can fail would cost as much to check, and SQLite would
+/// compile the statement anew at each call.
+fn narrow<'t, T>(sql: &mut QueryBuilder<Sqlite>, condition: &'static str, value: Option<T>)
+where
+    T: Encode<'t, Sqlite> + Type<Sqlite>,
+{
+    if let Some(value) = value {
+        sql.push(" AND ").push(condition).push_bind(value);
+    }
 }
 
 /// Every frame of a report, in order.
@@ -302,31 +295,29 @@ impl Store {
 
     /// Complete reports, newest first; of one job, in the order of its presets.
     pub async fn reports(&self, filter: &ReportFilter) -> Result<Vec<Report>, StoreError> {
-        // One statement a way in, so that each walks its own index.
-        let sql = if filter.job_id.is_some() {
-            reports_where!("reports.job_id = ?1", "reports.preset_index")
-        } else if filter.series_id.is_some() {
-            reports_where!("reports.series_id = ?2", "reports.id DESC")
-        } else if filter.commit.is_some() {
-            reports_where!("reports.git_commit = ?3", "reports.id DESC")
-        } else if filter.latest_only {
-            reports_where!("reports.id IN (SELECT latest_report_id FROM series)", "reports.id DESC")
-        } else {
-            reports_where!("1", "reports.id DESC")
-        };
-        let found = sqlx::query_as(sql)
-            .bind(filter.job_id)
-            .bind(filter.series_id)
-            .bind(&filter.commit)
-            .bind(&filter.project)
-            .bind(&filter.sequence)
-            .bind(&filter.preset)
-            .bind(&filter.branch)
-            .bind(filter.before)
-            .bind(filter.limit)
-            .fetch_all(&self.readers)
-            .await?;
-        Ok(found)
+        let mut sql = QueryBuilder::new(select_reports!("WHERE reports.complete"));
+        narrow(&mut sql, "reports.job_id = ", filter.job_id);
+        narrow(&mut sql, "reports.series_id = ", filter.series_id);
+        narrow(&mut sql, "reports.git_commit = ", filter.commit.as_ref());
+        if filter.latest_only {
+            sql.push(" AND reports.id IN (SELECT latest_report_id FROM series)");
+        }
+        narrow(&mut sql, "reports.id < ", filter.before);
+        // A plus keeps these from being the way in: all reports of a project would be read to find its newest.
+        narrow(&mut sql, "+projects.name = ", filter.project.as_ref());
+        narrow(
+            &mut sql,
+            "coalesce(sequences.hash, subjects.name) = ",
+            filter.sequence.as_ref(),
+        );
+        narrow(&mut sql, "+variants.preset = ", filter.preset.as_ref());
+        narrow(&mut sql, "+branches.name = ", filter.branch.as_ref());
+        sql.push(match filter.job_id {
+            Some(_) => " ORDER BY reports.preset_index LIMIT ",
+            None => " ORDER BY reports.id DESC LIMIT ",
+        });
+        sql.push_bind(filter.limit);
+        Ok(sql.build_query_as().fetch_all(&self.readers).await?)
     }
 
     /// How far the adapter was from the twin in a report, with every frame; none where that was not asked.
@@ -353,23 +344,25 @@ impl Store {
 
     /// The series that have complete reports, by sequence, preset and environment.
     pub async fn series(&self, filter: &SeriesFilter) -> Result<Vec<Series>, StoreError> {
-        let found = sqlx::query_as(select_series!(
+        let mut sql = QueryBuilder::new(select_series!(
             "",
             "series",
-            "WHERE series.latest_report_id IS NOT NULL AND (?1 IS NULL OR coalesce(sequences.hash, subjects.name) = ?1)
-               AND (?2 IS NULL OR variants.preset = ?2) AND (?3 IS NULL OR adapters.name = ?3)
-               AND (?4 IS NULL OR projects.name = ?4) AND (?5 IS NULL OR series.id = ?5)
-             ORDER BY coalesce(sequences.name, subjects.name), sequences.put_at DESC, variants.preset, variants.id,
-                      environments.id"
-        ))
-        .bind(&filter.sequence)
-        .bind(&filter.preset)
-        .bind(&filter.adapter)
-        .bind(&filter.project)
-        .bind(filter.id)
-        .fetch_all(&self.readers)
-        .await?;
-        Ok(found)
+            "WHERE series.latest_report_id IS NOT NULL"
+        ));
+        narrow(&mut sql, "series.id = ", filter.id);
+        narrow(
+            &mut sql,
+            "coalesce(sequences.hash, subjects.name) = ",
+            filter.sequence.as_ref(),
+        );
+        narrow(&mut sql, "variants.preset = ", filter.preset.as_ref());
+        narrow(&mut sql, "adapters.name = ", filter.adapter.as_ref());
+        narrow(&mut sql, "projects.name = ", filter.project.as_ref());
+        sql.push(
+            " ORDER BY coalesce(sequences.name, subjects.name), sequences.put_at DESC, variants.preset, variants.id,
+              environments.id",
+        );
+        Ok(sql.build_query_as().fetch_all(&self.readers).await?)
     }
 
     /// Ids of every metric that any report has had.

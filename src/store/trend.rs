@@ -1,5 +1,5 @@
 //! A metric over time. Long lines are read as blocks of packed points, what came since as rows; a line of 100 000 points
-//! is then 400 rows. A branch's past is its parent's up to where it departed.
+//! is then 1600 rows. A branch's past is its parent's up to where it departed.
 
 use super::{Series, Store, StoreError, Timestamp, columns, writing::BLOCK};
 use crate::metrics::Value;
@@ -9,7 +9,7 @@ use sqlx::{Row, SqliteConnection, sqlite::SqliteRow};
 use std::collections::HashMap;
 
 /// How many blocks are read in one go: 16 000 points.
-const BLOCKS_AT_ONCE: i64 = 64;
+const BLOCKS_AT_ONCE: i64 = 256;
 
 /// Job, branch and commit of a report.
 type Described = (Option<i64>, Option<String>, Option<String>);
@@ -93,45 +93,43 @@ impl TrendFilter {
     }
 }
 
-/// The report after which a line's points are in no block.
-macro_rules! after_blocks {
+/// The points of a line and metric that are in no block. The subqueries name nothing of the row, so each runs once.
+macro_rules! loose_points {
     () => {
-        "report_id > coalesce((SELECT max(last_report_id) FROM point_blocks WHERE series_id = ?1 AND metric_id = ?2), 0)"
+        "FROM points WHERE series_id = ?1 AND metric_id = (SELECT id FROM metrics WHERE name = ?2)
+           AND report_id > coalesce((SELECT max(last_report_id) FROM point_blocks WHERE series_id = ?1
+                                     AND metric_id = (SELECT id FROM metrics WHERE name = ?2)), 0)"
     };
 }
 
-/// How many points of a line are in no block.
+/// How many they are.
 pub(super) async fn count_loose(
     connection: &mut SqliteConnection,
     series_id: i64,
-    metric_id: i64,
+    metric: &str,
 ) -> Result<u32, StoreError> {
-    let n = sqlx::query_scalar(concat!(
-        "SELECT count(*) FROM points WHERE series_id = ?1 AND metric_id = ?2 AND ",
-        after_blocks!()
-    ))
-    .bind(series_id)
-    .bind(metric_id)
-    .fetch_one(connection)
-    .await?;
+    let n = sqlx::query_scalar(concat!("SELECT count(*) ", loose_points!()))
+        .bind(series_id)
+        .bind(metric)
+        .fetch_one(connection)
+        .await?;
     Ok(n)
 }
 
-/// Those points, newest first, and only so many of them.
+/// Themselves, newest first, and only so many of them.
 pub(super) async fn loose(
     connection: &mut SqliteConnection,
     series_id: i64,
-    metric_id: i64,
+    metric: &str,
     limit: usize,
 ) -> Result<Vec<TrendPoint>, StoreError> {
     let rows = sqlx::query(concat!(
-        "SELECT report_id, branch_id, created_at, value, version FROM points
-         WHERE series_id = ?1 AND metric_id = ?2 AND ",
-        after_blocks!(),
+        "SELECT report_id, branch_id, created_at, value, version ",
+        loose_points!(),
         " ORDER BY report_id DESC LIMIT ?3"
     ))
     .bind(series_id)
-    .bind(metric_id)
+    .bind(metric)
     .bind(i64::try_from(limit).unwrap_or(i64::MAX))
     .fetch_all(connection)
     .await?;
@@ -150,28 +148,28 @@ fn point(row: &SqliteRow) -> Result<TrendPoint, sqlx::Error> {
     })
 }
 
-/// Adds what the blocks have, newest first, until there is enough.
+/// Adds what the blocks that end before a report have, newest first, until there is enough.
 async fn older(
     connection: &mut SqliteConnection,
     series_id: i64,
-    metric_id: i64,
+    metric: &str,
+    mut before: i64,
     filter: &TrendFilter,
     newest_first: &mut Vec<TrendPoint>,
 ) -> Result<(), StoreError> {
-    let (mut before, mut block) = (i64::MAX, Vec::new());
+    let mut block = Vec::new();
     loop {
+        let n_missing = filter.limit - newest_first.len();
+        let n_blocks = (n_missing.div_ceil(BLOCK as usize) as i64).min(BLOCKS_AT_ONCE);
         let blocks: Vec<(i64, Vec<u8>)> = sqlx::query_as(
             "SELECT last_report_id, data FROM point_blocks
-             WHERE series_id = ? AND metric_id = ? AND last_report_id < ? ORDER BY last_report_id DESC LIMIT ?",
+             WHERE series_id = ? AND metric_id = (SELECT id FROM metrics WHERE name = ?) AND last_report_id < ?
+             ORDER BY last_report_id DESC LIMIT ?",
         )
         .bind(series_id)
-        .bind(metric_id)
+        .bind(metric)
         .bind(before)
-        .bind(if filter.limit <= BLOCK as usize {
-            2
-        } else {
-            BLOCKS_AT_ONCE
-        })
+        .bind(n_blocks)
         .fetch_all(&mut *connection)
         .await?;
         let Some((last, _)) = blocks.last() else { return Ok(()) };
@@ -209,27 +207,22 @@ impl Store {
         Ok((!steps.is_empty()).then_some(BranchPath(steps)))
     }
 
-    /// A line's points, oldest first. The connection reads all of it in one snapshot.
+    /// A line's points, oldest first.
     pub async fn trend(
         &self,
         series_id: i64,
         metric: &str,
         filter: &TrendFilter,
     ) -> Result<Vec<TrendPoint>, StoreError> {
-        let mut transaction = self.readers.begin().await?;
-        let metric_id: Option<i64> = sqlx::query_scalar("SELECT id FROM metrics WHERE name = ?")
-            .bind(metric)
-            .fetch_optional(&mut *transaction)
-            .await?;
-        let Some(metric_id) = metric_id else {
-            return Ok(Vec::new());
-        };
+        let mut connection = self.readers.acquire().await?;
         // What the filter leaves out must not count.
         let limit = if filter.admits_all() { filter.limit } else { usize::MAX };
-        let mut newest_first = loose(&mut transaction, series_id, metric_id, limit).await?;
+        let mut newest_first = loose(&mut connection, series_id, metric, limit).await?;
+        // What was loose a moment ago may be in a block by now: those that end here or later have nothing else.
+        let before = newest_first.last().map_or(i64::MAX, |oldest| oldest.report_id);
         newest_first.retain(|point| filter.admits(point));
         if newest_first.len() < filter.limit {
-            older(&mut transaction, series_id, metric_id, filter, &mut newest_first).await?;
+            older(&mut connection, series_id, metric, before, filter, &mut newest_first).await?;
         }
         newest_first.truncate(filter.limit);
         newest_first.reverse();

@@ -12,11 +12,15 @@ use crate::{
     run::report::{AdapterInfo, FrameReport, Report},
     taa::validation::Validation,
 };
-use sqlx::SqliteConnection;
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use std::collections::{HashMap, HashSet};
 
-/// How many points of a line and metric are packed into a block.
-pub(super) const BLOCK: u32 = 256;
+/// How many points of a line and metric are packed into a block. A reader reads half as many rows of points on average,
+/// and a row costs it as much as a block.
+pub(super) const BLOCK: u32 = 64;
+
+/// How many rows one statement inserts: SQLite takes 32 766 values, and each number of rows is a statement to keep.
+const ROWS_AT_ONCE: usize = 32;
 
 /// More of anything than this, and the memory starts anew.
 const MAX_REMEMBERED: usize = 20_000;
@@ -160,30 +164,35 @@ impl Writer<'_> {
         late: bool,
         values: impl Iterator<Item = (&str, Value, u32)>,
     ) -> Result<(), StoreError> {
-        for (metric, value, version) in values {
-            let metric_id = self.metric(metric).await?;
-            sqlx::query(
-                "INSERT INTO points (series_id, metric_id, report_id, branch_id, created_at, version, value)
-                 VALUES (?, ?, ?, ?, ?, ?, ?)",
-            )
-            .bind(series_id)
-            .bind(metric_id)
-            .bind(report_id)
-            .bind(branch_id.unwrap_or(0))
-            .bind(self.now)
-            .bind(version)
-            .bind(Some(value.0).filter(|value| !value.is_nan()))
-            .execute(&mut *self.connection)
-            .await?;
+        let mut points = Vec::new();
+        for (metric, value, metric_version) in values {
             let point = TrendPoint {
                 report_id,
                 branch_id: branch_id.unwrap_or(0),
                 created_at: self.now,
                 value,
-                metric_version: version,
+                metric_version,
             };
+            points.push((metric, self.metric(metric).await?, point));
+        }
+        for some in points.chunks(ROWS_AT_ONCE) {
+            let mut insert = QueryBuilder::<Sqlite>::new(
+                "INSERT INTO points (series_id, metric_id, report_id, branch_id, created_at, version, value) ",
+            );
+            insert.push_values(some, |mut row, (_, metric_id, point)| {
+                row.push_bind(series_id)
+                    .push_bind(*metric_id)
+                    .push_bind(point.report_id)
+                    .push_bind(point.branch_id)
+                    .push_bind(point.created_at)
+                    .push_bind(point.metric_version)
+                    .push_bind(Some(point.value.0).filter(|value| !value.is_nan()));
+            });
+            insert.build().execute(&mut *self.connection).await?;
+        }
+        for (metric, metric_id, point) in points {
             if !(late && self.late_point(series_id, metric_id, point).await?) {
-                self.count(series_id, metric_id).await?;
+                self.count(series_id, metric, metric_id).await?;
             }
         }
         self.memory.latest.insert(series_id, report_id);
@@ -220,18 +229,18 @@ impl Writer<'_> {
     }
 
     /// Packs the loose points of a line once they fill a block.
-    async fn count(&mut self, series_id: i64, metric_id: i64) -> Result<(), StoreError> {
+    async fn count(&mut self, series_id: i64, metric: &str, metric_id: i64) -> Result<(), StoreError> {
         let key = (series_id, metric_id);
         let n_loose = match self.memory.loose.get(&key) {
             Some(n_loose) => n_loose + 1,
-            None => trend::count_loose(self.connection, series_id, metric_id).await?,
+            None => trend::count_loose(self.connection, series_id, metric).await?,
         };
         if n_loose < BLOCK {
             self.memory.loose.insert(key, n_loose);
             return Ok(());
         }
         self.memory.loose.remove(&key);
-        let mut points: Vec<TrendPoint> = trend::loose(self.connection, series_id, metric_id, usize::MAX).await?;
+        let mut points: Vec<TrendPoint> = trend::loose(self.connection, series_id, metric, usize::MAX).await?;
         points.reverse();
         let Some(last) = points.last() else { return Ok(()) };
         sqlx::query("INSERT INTO point_blocks (series_id, metric_id, last_report_id, data) VALUES (?, ?, ?, ?)")

@@ -91,7 +91,8 @@ function options(box, spec) {
     fill: stacked ? strokeOf(line, i) + "55" : undefined,
     dash: DASHES[(line.dash ?? Math.floor(i / N_COLORS)) % DASHES.length],
     width: stacked ? 1 : 1.75,
-    points: { show: !stacked && x.length <= 80, size: 5 },
+    // One that has no line through it must be seen by itself.
+    points: { show: !stacked && x.length <= 80, size: line.values.filter(Number.isFinite).length === 1 ? 9 : 5 },
     spanGaps: time,
     value: (_, value, i_, index) => format(stacked && index !== null ? lines[i].values[index] : value, unit),
   }));

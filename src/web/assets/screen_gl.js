@@ -5,18 +5,26 @@ import { NOT_FINITE, SHOWN, STOPS, TONEMAPS, palette } from "./pixels.js";
 const VERTICES = `#version 300 es
 void main() { gl_Position = vec4(vec2((gl_VertexID & 1) * 4 - 1, (gl_VertexID >> 1) * 4 - 1), 0, 1); }`;
 
-const FRAGMENTS = `#version 300 es
+/**
+ * The shader for one way of looking. What differs between ways is constant in it: drivers that draw on the CPU run every
+ * branch that a uniform chooses, and take several times as long.
+ */
+const fragments = ({ tonemap, shown, isMapA, isMapB, isDifference, n }) => `#version 300 es
 precision highp float;
 precision highp int;
 uniform highp sampler2D image_a, image_b, palette;
 uniform vec2 size, origin;          // of the picture in its own pixels; where it begins on the canvas
 uniform float zoom, height;         // canvas pixels for a picture's; the canvas's height
-uniform bool is_map_a, is_map_b, is_difference;
 uniform vec2 scale_a, scale_b;      // black and white of maps
 uniform float exposure, white;
-uniform int tonemap, shown;
 out vec4 color;
 
+const int tonemap = ${TONEMAPS.indexOf(tonemap)};
+const int shown = ${SHOWN.indexOf(shown)};
+const bool is_map_a = ${isMapA};
+const bool is_map_b = ${isMapB};
+const bool is_difference = ${isDifference};
+const int n = ${n};                 // a canvas pixel is the mean of n² places
 const vec3 NOT_FINITE = vec3(${NOT_FINITE.map((c) => (c / 255).toFixed(4)).join(", ")});
 
 bool finite(vec3 v) { return !any(isnan(v)) && !any(isinf(v)); }
@@ -34,21 +42,21 @@ vec3 displayed(vec3 linear) {
     return encode(v);
 }
 vec3 texel(sampler2D image, vec2 at) {
-    ivec2 n = textureSize(image, 0);
-    return texelFetch(image, min(ivec2(at / size * vec2(n)), n - 1), 0).rgb;
+    ivec2 extent = textureSize(image, 0);
+    return texelFetch(image, min(ivec2(at / size * vec2(extent)), extent - 1), 0).rgb;
 }
 float level(float value, vec2 scale) { return (value - scale.x) / (scale.y - scale.x); }
-vec3 show(vec3 v, bool is_map, vec2 scale) {
-    if (is_map) return isnan(v.r) || isinf(v.r) ? NOT_FINITE : false_color(level(v.r, scale));
+vec3 show(vec3 v) {
+    if (is_map_a) return isnan(v.r) || isinf(v.r) ? NOT_FINITE : false_color(level(v.r, scale_a));
     if (!finite(v)) return NOT_FINITE;
     if (shown == 0) return displayed(v);
-    if (shown < 4) return vec3(displayed(vec3(v[shown - 1]))[0]);
+    if (shown < 4) return vec3(displayed(vec3(v[(shown + 2) % 3])).r);
     float y = dot(v, vec3(0.2126, 0.7152, 0.0722)) * exposure;
     return false_color((log2(max(y, 1e-9)) - ${STOPS[0].toFixed(1)}) / ${(STOPS[1] - STOPS[0]).toFixed(1)});
 }
 vec3 at(vec2 place) {
     vec3 a = texel(image_a, place);
-    if (!is_difference) return show(a, is_map_a, scale_a);
+    if (!is_difference) return show(a);
     vec3 b = texel(image_b, place);
     if (is_map_a || is_map_b) {
         float d = abs((is_map_a ? level(a.r, scale_a) : a.r) - (is_map_b ? level(b.r, scale_b) : b.r));
@@ -60,9 +68,7 @@ vec3 at(vec2 place) {
 void main() {
     vec2 place = (vec2(gl_FragCoord.x, height - gl_FragCoord.y) - origin) / zoom;
     if (any(lessThan(place, vec2(0.0))) || any(greaterThanEqual(place, size))) { color = vec4(0.0); return; }
-    if (zoom >= 1.0) { color = vec4(at(place), 1.0); return; }
-    // Smaller than it is: the mean of the pixels that a canvas pixel covers.
-    int n = min(int(ceil(1.0 / zoom)), 8);
+    if (n == 1) { color = vec4(at(place), 1.0); return; }
     vec2 corner = place - 0.5 / zoom;
     vec3 sum = vec3(0.0);
     for (int y = 0; y < n; y++) for (int x = 0; x < n; x++) {
@@ -85,17 +91,17 @@ export class GlScreen {
   constructor(gl) {
     this.gl = gl;
     this.textures = new Map();
-    this.program = program(gl);
-    this.places = new Map();
+    this.programs = new Map();
     this.palette = texture(gl, gl.RGBA8, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, palette);
-    gl.useProgram(this.program);
     gl.bindVertexArray(gl.createVertexArray());
     gl.enable(gl.SCISSOR_TEST);
   }
 
-  place(name) {
-    if (!this.places.has(name)) this.places.set(name, this.gl.getUniformLocation(this.program, name));
-    return this.places.get(name);
+  /** The program for a way of looking, made at its first use. */
+  program(look) {
+    const key = JSON.stringify(look);
+    if (!this.programs.has(key)) this.programs.set(key, new Program(this.gl, fragments(look)));
+    return this.programs.get(key);
   }
 
   /** Uploads an image that is likely to be drawn soon. */
@@ -126,49 +132,60 @@ export class GlScreen {
     gl.scissor(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    gl.uniform1f(this.place("height"), height);
-    gl.uniform1f(this.place("exposure"), display.exposure * 2 ** ev);
-    gl.uniform1f(this.place("white"), white);
-    gl.uniform1i(this.place("tonemap"), TONEMAPS.indexOf(display.tonemap));
-    gl.uniform1i(this.place("shown"), SHOWN.indexOf(shown));
     for (const { clip, origin, zoom, size, a, b } of panes) {
       const [x, y, w, h] = clip.map(Math.round);
       gl.scissor(x, height - y - h, w, h);
-      [a, b ?? a].forEach((image, i) => {
-        const name = "ab"[i];
-        gl.activeTexture(gl.TEXTURE0 + i);
-        gl.bindTexture(gl.TEXTURE_2D, this.texture(image));
-        gl.uniform1i(this.place(`image_${name}`), i);
-        gl.uniform1i(this.place(`is_map_${name}`), image.channels === 1);
-        gl.uniform2fv(this.place(`scale_${name}`), image.scale ?? [0, 1]);
+      const { program, places } = this.program({
+        tonemap: display.tonemap,
+        shown,
+        isMapA: a.channels === 1,
+        isMapB: b?.channels === 1,
+        isDifference: Boolean(b),
+        // Smaller than it is: the pixels that a canvas pixel covers.
+        n: Math.min(Math.max(Math.ceil(1 / zoom), 1), 8),
       });
-      gl.activeTexture(gl.TEXTURE2);
-      gl.bindTexture(gl.TEXTURE_2D, this.palette);
-      gl.uniform1i(this.place("palette"), 2);
-      gl.uniform1i(this.place("is_difference"), b ? 1 : 0);
-      gl.uniform2fv(this.place("size"), size);
-      gl.uniform2fv(this.place("origin"), origin);
-      gl.uniform1f(this.place("zoom"), zoom);
+      gl.useProgram(program);
+      [this.texture(a), this.texture(b ?? a), this.palette].forEach((bound, i) => {
+        gl.activeTexture(gl.TEXTURE0 + i);
+        gl.bindTexture(gl.TEXTURE_2D, bound);
+        gl.uniform1i(places[["image_a", "image_b", "palette"][i]], i);
+      });
+      gl.uniform2fv(places.scale_a, a.scale ?? [0, 1]);
+      gl.uniform2fv(places.scale_b, b?.scale ?? [0, 1]);
+      gl.uniform1f(places.exposure, display.exposure * 2 ** ev);
+      gl.uniform1f(places.white, white);
+      gl.uniform1f(places.height, height);
+      gl.uniform2fv(places.size, size);
+      gl.uniform2fv(places.origin, origin);
+      gl.uniform1f(places.zoom, zoom);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
   }
 }
 
-function program(gl) {
-  const made = gl.createProgram();
-  for (const [type, text] of [
-    [gl.VERTEX_SHADER, VERTICES],
-    [gl.FRAGMENT_SHADER, FRAGMENTS],
-  ]) {
-    const shader = gl.createShader(type);
-    gl.shaderSource(shader, text);
-    gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-    gl.attachShader(made, shader);
+/** A linked program, and where its uniforms are by name; one that a look has no use for is nowhere. */
+class Program {
+  constructor(gl, fragments) {
+    const made = gl.createProgram();
+    for (const [type, text] of [
+      [gl.VERTEX_SHADER, VERTICES],
+      [gl.FRAGMENT_SHADER, fragments],
+    ]) {
+      const shader = gl.createShader(type);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+      gl.attachShader(made, shader);
+    }
+    gl.linkProgram(made);
+    if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
+    this.program = made;
+    this.places = {};
+    for (let i = 0; i < gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS); i++) {
+      const { name } = gl.getActiveUniform(made, i);
+      this.places[name] = gl.getUniformLocation(made, name);
+    }
   }
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
-  return made;
 }
 
 function texture(gl, internal, width, height, layout, type, data) {
