@@ -154,6 +154,50 @@ fn the_viewer_fetches_where_steps_lead() {
     page.is_well();
 }
 
+/// What steps lead to is drawn out of sight, and is what would have been drawn; a look that changed since is drawn anew.
+#[test]
+fn a_step_shows_what_was_drawn_ahead() {
+    let (service, job) = measured();
+    let ids = report_ids(&job);
+    let mut page = Page::open();
+    let frame =
+        |index: usize, look: &str| service.url(&format!("/reports/{}/frames/{index}?mode=difference{look}", ids[0]));
+    let fetched = |index: usize| {
+        format!(
+            "performance.getEntriesByType('resource').some(({{name}}) => name.endsWith('/frames/{index}/output.f16'))"
+        )
+    };
+    let canvas = "document.getElementById('canvas').toDataURL()";
+    page.go(&frame(6, ""));
+    // Frame 7 was drawn before frame 8 was asked for.
+    page.until(&fetched(8));
+    page.value(
+        "(() => {
+            const { prototype } = WebGL2RenderingContext, blit = prototype.blitFramebuffer;
+            window.blits = 0;
+            prototype.blitFramebuffer = function (...to) { window.blits++; return blit.apply(this, to); };
+        })()",
+    );
+    page.key("ArrowRight");
+    page.until("document.getElementById('stage').dataset.frame == 7");
+    assert_eq!(page.number("blits"), 1.0);
+    let ahead = page.text(canvas);
+    page.until(&fetched(10));
+    page.value("document.getElementById('white').value = 0.5, document.getElementById('white').dispatchEvent(new Event('change'))");
+    page.until("location.search.includes('white=0.5')");
+    page.key("ArrowRight");
+    page.until("document.getElementById('stage').dataset.frame == 8");
+    assert_eq!(page.number("blits"), 1.0);
+    let anew = page.text(canvas);
+    for (index, look, shown) in [(7, "", &ahead), (8, "&white=0.5", &anew)] {
+        page.go(&frame(index, look));
+        page.until("document.getElementById('stage').dataset.ms");
+        assert!(page.text(canvas) == *shown, "frame {index}");
+    }
+    assert_ne!(ahead, anew);
+    page.is_well();
+}
+
 /// A picture tells a page from one that lacks a chart, has lines of other colours, or is moved a little.
 #[test]
 fn a_changed_page_looks_different() {

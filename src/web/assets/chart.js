@@ -59,8 +59,11 @@ export function draw(box, spec) {
   keys(box, () => plot, () => spec);
   return {
     update(next) {
+      const { left, top } = plot?.cursor ?? {};
       spec = { ...spec, ...next };
       render();
+      // Marks come after the points: whoever is at a point by then stays there.
+      if (!next.x && left >= 0) plot?.setCursor({ left, top });
     },
     zoom: (from, to) => plot?.setScale("x", { min: from ?? spec.x[0], max: to ?? spec.x.at(-1) }),
   };

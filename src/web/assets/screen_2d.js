@@ -2,8 +2,8 @@
 
 import { NOT_FINITE, STOPS, decoded, displayed, luminance, palette } from "./pixels.js";
 
-/** Pictures that stay computed. */
-const MAX_PICTURES = 6;
+/** Pictures that stay computed: of the frame that is shown and of those that steps lead to. */
+const MAX_PICTURES = 12;
 
 export class PlainScreen {
   constructor(canvas) {
@@ -11,8 +11,13 @@ export class PlainScreen {
     this.pictures = new Map();
   }
 
-  /** What would be computed depends on what it is drawn with. */
-  prepare() {}
+  /** Computes what is likely to be asked for soon. */
+  prepare(panes, look) {
+    for (const { a, b } of panes) this.picture(a, b, look);
+  }
+
+  /** Settled once what was drawn last can be seen. */
+  async finished() {}
 
   draw(panes, look) {
     const { context } = this;

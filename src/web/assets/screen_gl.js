@@ -80,6 +80,8 @@ void main() {
 
 /** How many images stay on the GPU. */
 const MAX_TEXTURES = 24;
+/** How many canvases are kept drawn. */
+const MAX_DRAWN = 6;
 
 export class GlScreen {
   /** Nothing where the browser has no WebGL2. */
@@ -92,6 +94,7 @@ export class GlScreen {
     this.gl = gl;
     this.textures = new Map();
     this.programs = new Map();
+    this.drawn = new Map();
     this.palette = texture(gl, gl.RGBA8, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, palette);
     gl.bindVertexArray(gl.createVertexArray());
     gl.enable(gl.SCISSOR_TEST);
@@ -104,9 +107,34 @@ export class GlScreen {
     return this.programs.get(key);
   }
 
-  /** Uploads an image that is likely to be drawn soon. */
-  prepare(image) {
-    this.texture(image);
+  /** Draws what is likely to be asked for soon, out of sight: drivers that draw on the CPU take a tenth of a second. */
+  prepare(panes, look) {
+    const { gl, drawn } = this;
+    const key = keyOf(gl.canvas, panes, look);
+    if (drawn.has(key)) return;
+    const { width, height } = gl.canvas;
+    const image = texture(gl, gl.RGBA8, width, height, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    const frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, image, 0);
+    this.render(panes, look);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    drawn.set(key, { frame, image });
+    for (const [old, one] of drawn) {
+      if (drawn.size <= MAX_DRAWN) break;
+      gl.deleteFramebuffer(one.frame);
+      gl.deleteTexture(one.image);
+      drawn.delete(old);
+    }
+  }
+
+  /** Settled once what was drawn last can be seen. */
+  async finished() {
+    const { gl } = this;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    while (gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) await new Promise((resolve) => setTimeout(resolve, 2));
+    gl.deleteSync(fence);
   }
 
   texture(image) {
@@ -125,7 +153,20 @@ export class GlScreen {
   }
 
   /** Each pane: { clip: [x, y, width, height], origin, zoom, size, a, b }, all in canvas pixels from the top left. */
-  draw(panes, { display, ev, shown, white }) {
+  draw(panes, look) {
+    const { gl } = this;
+    const { width, height } = gl.canvas;
+    const ready = this.drawn.get(keyOf(gl.canvas, panes, look));
+    if (!ready) return this.render(panes, look);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, ready.frame);
+    gl.scissor(0, 0, width, height);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
+    return undefined;
+  }
+
+  /** Into the framebuffer that is bound. */
+  render(panes, { display, ev, shown, white }) {
     const { gl } = this;
     const { width, height } = gl.canvas;
     gl.viewport(0, 0, width, height);
@@ -162,6 +203,10 @@ export class GlScreen {
     }
   }
 }
+
+/** What a drawn canvas depends on. */
+const keyOf = ({ width, height }, panes, look) =>
+  JSON.stringify([width, height, look, panes.map(({ a, b, ...pane }) => [pane, a.href, b?.href])]);
 
 /** A linked program, and where its uniforms are by name; one that a look has no use for is nowhere. */
 class Program {

@@ -207,6 +207,8 @@ export function stage(box, { view, split, draw, changed, values }) {
   return {
     redraw,
     fit,
+    /** Where the picture lies. */
+    layout,
     zoomBy: (factor) => size && zoomBy(factor),
     actual: () => size && change({ ...view, zoom: 1 / ratio() }),
     setMode(next) {

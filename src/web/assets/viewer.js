@@ -88,6 +88,8 @@ async function show(frame = state.frame, likely = onwards(frame)) {
   view.resize([images[0].width, images[0].height].map((n, i) => Math.max(n, images[1][["width", "height"][i]])));
   remember();
   byId("stage").dataset.frame = state.frame;
+  await screen.finished();
+  if (turn !== wanted) return;
   byId("stage").dataset.ms = (performance.now() - before).toFixed(1);
   fetchAhead(turn, shown, likely);
 }
@@ -97,7 +99,10 @@ async function fetchAhead(turn, shown, frames) {
   for (const frame of frames) {
     if (turn !== wanted) return;
     if (frame < 0 || frame > last) continue;
-    await Promise.allSettled(shown.map((id) => load(href(id, frame)).then((image) => turn === wanted && screen.prepare(image))));
+    const found = await Promise.all(shown.map((id) => load(href(id, frame)))).catch(() => null);
+    if (!found || turn !== wanted) continue;
+    screen.prepare(panes(found, view.layout()), look());
+    await screen.finished();
   }
 }
 
@@ -107,11 +112,9 @@ function onwards(frame) {
   return [1, 2, 3, -1].map((n) => frame + n * by);
 }
 
-/** Draws the panes that the mode asks for. `layout` says where the picture lies. */
-function draw(layout) {
-  if (!images) return;
+/** What the mode shows of two images, pane by pane. `layout` says where the picture lies. */
+function panes([a, b], layout) {
   const { width, height } = canvas;
-  const [a, b] = images;
   const pane = (clip, image, shift = 0, other) => ({
     clip,
     origin: [layout.origin[0] + shift, layout.origin[1]],
@@ -123,14 +126,20 @@ function draw(layout) {
   const whole = [0, 0, width, height];
   const at = Math.round(width * layout.split);
   const half = Math.floor(width / 2);
-  const panes = {
+  const modes = {
     one: () => [pane(whole, a)],
     swipe: () => [pane([0, 0, at, height], a), pane([at, 0, width - at, height], b)],
     side: () => [pane([0, 0, half - 1, height], a), pane([half + 1, 0, width - half - 1, height], b, half)],
     blink: () => [pane(whole, blinked ? b : a)],
     difference: () => [pane(whole, a, 0, b)],
   };
-  screen.draw(panes[state.mode](), state.look ?? (state.look = { display: data.display, ev: state.ev, shown: state.shown, white: state.white }));
+  return modes[state.mode]();
+}
+
+const look = () => ({ display: data.display, ev: state.ev, shown: state.shown, white: state.white });
+
+function draw(layout) {
+  if (images) screen.draw(panes(images, layout), look());
 }
 
 function remember() {
@@ -164,7 +173,7 @@ function controls() {
 }
 
 function set(changes) {
-  Object.assign(state, changes, { look: null });
+  Object.assign(state, changes);
   if ("a" in changes || "b" in changes) return show();
   controls();
   view.setMode(state.mode);
