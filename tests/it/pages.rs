@@ -198,6 +198,34 @@ fn a_step_shows_what_was_drawn_ahead() {
     page.is_well();
 }
 
+/// Limits and changes are found after a chart's points are drawn: whoever is at a point by then stays there.
+#[test]
+fn marks_leave_the_cursor_where_it_is() {
+    let (service, mut page) = posted();
+    page.send(
+        "Page.addScriptToEvaluateOnNewDocument",
+        &json!({"source": "
+            const [now, found] = [fetch, new Promise((resolve) => (window.find = resolve))];
+            window.fetch = async (...of) => (`${of[0]}`.includes('/marks') && (await found), now(...of));
+        "}),
+    );
+    page.go(&service.url("/trends"));
+    page.until("document.querySelector('.chart').dataset.points > 0");
+    page.value("document.querySelector('.chart').focus()");
+    page.key("ArrowRight");
+    let tip = "document.querySelector('.tip:not([hidden])')?.innerText ?? ''";
+    let told = page.text(tip);
+    assert!(told.contains("report"), "{told}");
+    assert_eq!(
+        page.value("document.querySelector('.chart').dataset.changes"),
+        Value::Null
+    );
+    page.value("window.find()");
+    page.until("document.querySelector('.chart').dataset.changes !== undefined");
+    assert_eq!(page.text(tip), told);
+    page.is_well();
+}
+
 /// A picture tells a page from one that lacks a chart, has lines of other colours, or is moved a little.
 #[test]
 fn a_changed_page_looks_different() {

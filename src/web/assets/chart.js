@@ -62,8 +62,9 @@ export function draw(box, spec) {
       const { left, top } = plot?.cursor ?? {};
       spec = { ...spec, ...next };
       render();
-      // Marks come after the points: whoever is at a point by then stays there.
-      if (!next.x && left >= 0) plot?.setCursor({ left, top });
+      // Marks come after the points: whoever is at a point by then stays there. A new plot has no scales before its own
+      // microtask.
+      if (!next.x && left >= 0) queueMicrotask(() => plot?.setCursor({ left, top }));
     },
     zoom: (from, to) => plot?.setScale("x", { min: from ?? spec.x[0], max: to ?? spec.x.at(-1) }),
   };
