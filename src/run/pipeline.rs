@@ -35,7 +35,8 @@ pub fn run(
     observer: &dyn Observer,
 ) -> Result<Report, RunError> {
     let start = Instant::now();
-    let n_decoders = decoders(plan.n_frames);
+    let frame_bytes = plan.channels.n_bytes(sequence.sizes());
+    let n_decoders = decoders(plan.n_frames, frame_bytes, DECODED_BYTES);
     thread::scope(|scope| {
         let hash = scope.spawn(|| sequence.hash());
         let frames: Vec<_> = (0..n_decoders)
@@ -104,10 +105,15 @@ fn scores_on_device(spec: &RunSpec, gpu: &Gpu) -> bool {
     }
 }
 
-/// Each decoder also decompresses in parallel, so a few are enough to hide the gaps.
-fn decoders(n_frames: usize) -> usize {
+/// What decoded frames that wait for the GPU may take in memory. Bytes.
+const DECODED_BYTES: u64 = 2 << 30;
+
+/// Each decoder also decompresses in parallel, so a few are enough to hide the gaps; and each has two frames of `frame_bytes`
+/// that wait. One must work whatever the budget.
+fn decoders(n_frames: usize, frame_bytes: u64, budget_bytes: u64) -> usize {
     let n_cores = thread::available_parallelism().map_or(1, usize::from);
-    (n_cores / 2).clamp(1, 4).min(n_frames)
+    let n_affordable = (budget_bytes / (2 * frame_bytes)).max(1);
+    (n_cores / 2).clamp(1, 4).min(n_frames).min(n_affordable as usize)
 }
 
 /// Loads every `step`-th frame from `first` until the end, an error, or nobody listens.
@@ -311,5 +317,19 @@ impl<'a> Stage<'a> {
         };
         let shown: Vec<_> = self.resolvers.iter().map(Resolver::shown).collect();
         Ok(metrics.record(&mut recording, &mut self.timer, frame, &shown)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decoders_keep_to_their_budget() {
+        let [one, many] = [3, 1000].map(|n_frames| decoders(n_frames, 100, u64::MAX));
+        assert!((1..=3).contains(&one) && (one..=4).contains(&many));
+        assert_eq!(decoders(1000, 100, 399), 1, "two frames each");
+        assert_eq!(decoders(1000, 100, 0), 1, "one must work");
+        assert_eq!(decoders(1000, 100, 200 * many as u64), many);
     }
 }

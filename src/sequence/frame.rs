@@ -42,6 +42,24 @@ impl Channels {
         self.zip(other, |a, b| a & b)
     }
 
+    /// What the images of a frame with all of these take in memory, at the most. Bytes.
+    pub fn n_bytes(self, sizes: Sizes) -> u64 {
+        let rgb = size_of::<Rgb>();
+        let if_read = |is_read: bool, n_bytes: usize| if is_read { n_bytes } else { 0 };
+        let of_an_item = rgb + if_read(self.depth, 4) + if_read(self.motion, 8);
+        let of_others = self.several.map_or(0, |several| {
+            of_an_item * (several.n_items as usize - 1) + 4 * several.n_items as usize
+        });
+        let of_render = of_an_item
+            + of_others
+            + if_read(self.object_id, 4)
+            + if_read(self.albedo, rgb)
+            + if_read(self.reactive, 4)
+            + if_read(self.unjittered_color, rgb);
+        let of_output = if_read(self.reference, rgb);
+        (of_render * sizes.render.n_pixels() + of_output * sizes.output.n_pixels()) as u64
+    }
+
     fn zip(self, other: Self, f: impl Fn(bool, bool) -> bool) -> Self {
         Self {
             depth: f(self.depth, other.depth),
@@ -190,6 +208,28 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_frame_takes_what_its_images_take() {
+        let sizes = Sizes {
+            render: Extent::new(10, 10),
+            output: Extent::new(20, 20),
+        };
+        assert_eq!(Channels::default().n_bytes(sizes), 1200, "colour");
+        let channels = Channels {
+            depth: true,
+            motion: true,
+            reference: true,
+            ..Channels::default()
+        };
+        assert_eq!(channels.n_bytes(sizes), 1200 + 400 + 800 + 4800);
+        let several = Some(Several {
+            merging: crate::sequence::several::Merging::Samples,
+            n_items: 3,
+        });
+        let layered = Channels { several, ..channels };
+        assert_eq!(layered.n_bytes(sizes), 3 * 2400 + 3 * 400 + 4800);
+    }
 
     #[test]
     fn output_pixels_lie_in_the_texel_under_their_centre() {
