@@ -14,7 +14,7 @@ use crate::{
     run::{Observer, RunError, process_cpu_ms},
     sequence::{Channels, Frame, Sequence},
     statistics::median,
-    taa::{Inputs, Preparation, Recorder, Repeat, Resolver, Skip, Watch},
+    taa::{Inputs, Preparation, Recorder, Repeat, Resolver, SETTLE_PASS, Skip, Watch},
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -129,7 +129,7 @@ struct Side {
 /// What a side's frame cost.
 struct Prepared {
     upload_ms: f64,
-    colors: BTreeMap<Preparation, (Share, u64)>,
+    colors: BTreeMap<Preparation, (Share, f64)>,
 }
 
 /// What the passes of a frame must move at the least: every image and buffer they bind, once, and twice what they read and
@@ -138,8 +138,10 @@ struct Prepared {
 struct Traffic {
     /// Of passes over every pixel.
     whole: u64,
-    /// Of passes over tiles that are not kept, if none were.
+    /// Of passes over listed tiles, if all were.
     listed: u64,
+    /// Of the pass over those that are looked at afterwards, if all were.
+    settled: u64,
 }
 
 impl Traffic {
@@ -168,9 +170,10 @@ impl Watch for Traffic {
         _: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
         let n_bytes = dispatch.n_bytes();
-        match dispatch.is_indirect() {
-            true => self.listed += n_bytes,
-            false => self.whole += n_bytes,
+        match (dispatch.label(), dispatch.is_indirect()) {
+            (SETTLE_PASS, _) => self.settled += n_bytes,
+            (_, true) => self.listed += n_bytes,
+            (_, false) => self.whole += n_bytes,
         }
         Ok(())
     }
@@ -280,12 +283,10 @@ impl Bench<'_, '_> {
 
     fn inputs(&self, settings: &[&Setting]) -> Result<Inputs, GpuError> {
         let wanted = settings.iter().map(|setting| setting.recipe.preparation()).collect();
-        let mut inputs = Inputs::new(self.gpu, self.sequence.sizes(), self.channels(settings), &wanted)?;
         let skipping = settings.iter().filter(|setting| setting.options.skip != Skip::Off);
-        if let Some(reach_px) = skipping.map(|setting| setting.recipe.reach_px()).max() {
-            inputs.track_changes(self.gpu, reach_px)?;
-        }
-        Ok(inputs)
+        let reach_px = skipping.map(|setting| setting.recipe.reach_px()).max();
+        let (sizes, channels) = (self.sequence.sizes(), self.channels(settings));
+        Inputs::tracking(self.gpu, sizes, channels, &wanted, reach_px, None)
     }
 
     /// Compiles every pass, so that no frame waits for it.
@@ -330,7 +331,7 @@ impl Side {
             self.inputs.record(&mut traffic.recorder(gpu, encoder, timer))
         })?;
         let n = self.preparations.len();
-        let n_bytes = traffic.whole / n as u64;
+        let n_bytes = (traffic.whole as f64 + self.inputs.changed_share() * traffic.listed as f64) / n as f64;
         let share = |(index, &key): (usize, &Preparation)| {
             // Merging several samples comes first, once for all colours.
             let merge = (self.n_merges > 0).then_some(("merge", 0));
@@ -378,9 +379,13 @@ impl<'a> Lane<'a> {
             resolver.record(&mut traffic.recorder(gpu, encoder, timer), inputs)?;
             Ok(resolver.copy_kept(gpu, encoder, readback))
         })?;
-        let skipped = kept.map_or(Ok(0.0), |kept| kept.share(&cost.readback))?;
+        let (skipped, settled) = match kept {
+            Some(kept) => (kept.share(&cost.readback)?, kept.settled_share(&cost.readback)?),
+            None => (0.0, 0.0),
+        };
+        let listed = (1.0 - skipped) * traffic.listed as f64 + settled * traffic.settled as f64;
         Ok(Resolved {
-            n_bytes: traffic.whole as f64 + (1.0 - skipped) * traffic.listed as f64,
+            n_bytes: traffic.whole as f64 + listed,
             skipped,
             cost,
         })
@@ -390,7 +395,7 @@ impl<'a> Lane<'a> {
         let (prepare, prepare_bytes) = &prepared.colors[&self.setting.recipe.preparation()];
         self.frames_ms.push(prepare.ms + resolved.cost.ms);
         self.uploads_ms.push(prepared.upload_ms);
-        self.n_bytes.push(*prepare_bytes as f64 + resolved.n_bytes);
+        self.n_bytes.push(prepare_bytes + resolved.n_bytes);
         self.skipped.push(resolved.skipped);
         let own = self.passes.iter().copied().zip(resolved.cost.passes_ms);
         for (pass, ms) in prepare.passes_ms.iter().copied().chain(own) {

@@ -169,11 +169,14 @@ impl<'a> Stage<'a> {
             .par_iter()
             .map(|system| Resolver::new(gpu, system.recipe.clone(), options, sizes))
             .collect::<Result<_, _>>()?;
-        let mut inputs = Inputs::new(gpu, sizes, plan.channels, &plan.prepared)?;
-        if plan.skip != Skip::Off {
-            let reach_px = plan.systems.iter().map(|system| system.recipe.reach_px()).max();
-            inputs.track_changes(gpu, reach_px.expect("a run has presets"))?;
-        }
+        let skips = plan.skip != Skip::Off;
+        let reach_px = plan
+            .systems
+            .iter()
+            .filter(|_| skips)
+            .map(|system| system.recipe.reach_px())
+            .max();
+        let inputs = Inputs::tracking(gpu, sizes, plan.channels, &plan.prepared, reach_px, None)?;
         let metrics = on_device
             .then(|| GpuMetrics::new(gpu, sizes.output, sequence.display(), &plan.metrics, plan.systems.len()))
             .transpose()?;

@@ -110,11 +110,8 @@ impl Device<'_> {
             ..Channels::default()
         });
         let wanted = BTreeSet::from([self.recipe.preparation()]);
-        let mut inputs = Inputs::with_fault(self.gpu, segment.sizes, channels, &wanted, self.fault)?;
-        if self.skip != Skip::Off {
-            inputs.track_changes(self.gpu, self.recipe.reach_px())?;
-        }
-        Ok(inputs)
+        let reach_px = (self.skip != Skip::Off).then(|| self.recipe.reach_px());
+        Inputs::tracking(self.gpu, segment.sizes, channels, &wanted, reach_px, self.fault)
     }
 }
 

@@ -2,6 +2,7 @@
 //! then does the same arithmetic give the same bits. The harness has its frames on the host, where comparing costs a tenth of
 //! what a pass would, and an image that repeats need not be uploaded; an engine knows from its culling.
 
+use super::reference::color::is_hostile;
 use crate::{
     image::{Extent, Image},
     sequence::{Channels, Frame},
@@ -28,11 +29,13 @@ pub mod flag {
     pub const STILL: u32 = 16;
     /// No vector is longer than 2 pixels, which is where motion blur begins.
     pub const SLOW: u32 = 32;
+    /// No texel of any colour or albedo is one that is repaired.
+    pub const SOUND: u32 = 64;
     /// All that a cell can have.
-    pub const OF_CELLS: u32 = 63;
+    pub const OF_CELLS: u32 = 127;
     /// Of a tile: a part of a flat surface that moves. Colour, albedo and reactive mask are one value each, the one that they
     /// had in the frame before in every tile of the tile's region, which lies inside the image.
-    pub const CARRIED: u32 = 64;
+    pub const CARRIED: u32 = 128;
 }
 
 /// Compares each frame with the one before.
@@ -130,6 +133,14 @@ impl Changes {
         &self.regions
     }
 
+    /// Column and row of every tile that has not all of the flags `wanted`.
+    pub fn tiles_without(&self, wanted: u32) -> impl Iterator<Item = [u32; 2]> {
+        let across = self.extent.width.div_ceil(TILE) as usize;
+        let tiles = self.tiles.iter().enumerate();
+        let without = tiles.filter(move |(_, flags)| **flags & wanted != wanted);
+        without.map(move |(index, _)| [index % across, index / across].map(|at| at as u32))
+    }
+
     /// Whether the whole frame repeats the one before.
     pub fn is_repeat(&self) -> bool {
         self.cells.iter().all(|cell| cell & flag::SAME != 0)
@@ -156,7 +167,13 @@ impl Changes {
                     flag::FLAT,
                 ) | set(depth.is_flat(&area), flag::FLAT_DEPTH)
                     | set(motion.all(&area, |[x, y]| x == 0.0 && y == 0.0), flag::STILL)
-                    | set(motion.all(&area, |[x, y]| x * x + y * y <= 4.0), flag::SLOW);
+                    | set(motion.all(&area, |[x, y]| x * x + y * y <= 4.0), flag::SLOW)
+                    | set(
+                        [color, albedo, unjittered]
+                            .iter()
+                            .all(|image| image.all(&area, is_sound)),
+                        flag::SOUND,
+                    );
             });
     }
 
@@ -372,6 +389,10 @@ impl<T: Pod + NoUninit + Send + Sync> Retained<T> {
     }
 }
 
+fn is_sound(color: [f32; 3]) -> bool {
+    !color.into_iter().any(is_hostile)
+}
+
 fn same_bits<T: NoUninit>(a: &[T], b: &[T]) -> bool {
     bytemuck::cast_slice::<T, u8>(a) == bytemuck::cast_slice::<T, u8>(b)
 }
@@ -428,7 +449,7 @@ mod tests {
         );
         changes.see(&frame(|_, _| 0.5, 0.0));
         assert!(changes.is_repeat());
-        let all = flag::SAME | flag::FLAT | flag::FLAT_DEPTH | flag::STILL | flag::SLOW;
+        let all = flag::SAME | flag::FLAT | flag::FLAT_DEPTH | flag::STILL | flag::SLOW | flag::SOUND;
         assert!(
             changes.tiles().iter().all(|flags| *flags == all | flag::CARRIED),
             "{:?}",
@@ -445,7 +466,7 @@ mod tests {
         changes.see(&frame(|x, y| if (x, y) == (14, 8) { 0.6 } else { 0.5 }, 0.0));
         assert_eq!(
             tile(&changes, 0, 0),
-            flag::SAME | flag::FLAT_DEPTH | flag::STILL | flag::SLOW
+            flag::SAME | flag::FLAT_DEPTH | flag::STILL | flag::SLOW | flag::SOUND
         );
     }
 

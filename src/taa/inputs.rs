@@ -3,11 +3,12 @@
 
 use super::{
     Carried, Fault, Preparation, Recipe, Source,
-    changes::{Changes, n_tiles},
+    changes::{Changes, flag, n_tiles},
     fault::planted,
     merge::Merge,
     recipe::{Guards, InputFilter},
     recorder::{Recorder, Repeat},
+    tiles::{self, List},
 };
 use crate::{
     gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer, UniformValue},
@@ -22,7 +23,6 @@ use wgpu::TextureFormat;
 #[derive(Debug)]
 pub struct Inputs {
     sizes: Sizes,
-    channels: Channels,
     has_history: bool,
     jitter_px: [f64; 2],
     far: f32,
@@ -49,6 +49,10 @@ pub struct Inputs {
 #[derive(Debug)]
 struct Tracked {
     changes: Changes,
+    /// The tiles whose colours must be prepared anew.
+    changed: List,
+    /// Their share of all.
+    changed_share: f64,
     /// The changes' flags of every tile.
     flags: wgpu::Buffer,
     /// Their regions.
@@ -84,38 +88,49 @@ pub struct View<'a> {
 /// A colour in a working domain.
 #[derive(Debug)]
 struct Prepared {
-    pass: Pass,
+    every_pixel: Pass,
+    /// The same over listed tiles, where changes are tracked.
+    listed: Option<Pass>,
     color: Texture,
     repaired_texels: wgpu::Buffer,
 }
 
-const PREPARE: [&str; 5] = [
-    include_str!("../../shaders/taa/temporal/prepare.wgsl"),
+const PREPARE: &str = include_str!("../../shaders/taa/temporal/prepare.wgsl");
+/// What it is compiled with.
+const SHARED: [&str; 4] = [
     include_str!("../../shaders/common/domain.wgsl"),
     include_str!("../../shaders/common/display.wgsl"),
     include_str!("../../shaders/common/roots.wgsl"),
     include_str!("../../shaders/common/color.wgsl"),
 ];
+/// The share of tiles above which a pass so short is faster over every pixel than over a list, on CPU adapters.
+const WORTH_LISTING: f64 = 0.7;
 
 impl Inputs {
     /// Room for frames of `sizes` with `channels`, prepared for each of `wanted`.
     pub fn new(gpu: &Gpu, sizes: Sizes, channels: Channels, wanted: &BTreeSet<Preparation>) -> Result<Self, GpuError> {
-        Self::with_fault(gpu, sizes, channels, wanted, None)
+        Self::tracking(gpu, sizes, channels, wanted, None, None)
     }
 
-    /// The same with a mistake in `merge` or `prepare`.
-    pub fn with_fault(
+    /// The same. With `reach_px`, every frame is compared with the one before, so that recipes that look that far
+    /// ([`Recipe::reach_px`]) may skip what repeats; with `fault`, there is a mistake in `merge` or `prepare`.
+    pub fn tracking(
         gpu: &Gpu,
         sizes: Sizes,
         channels: Channels,
         wanted: &BTreeSet<Preparation>,
+        reach_px: Option<u32>,
         fault: Option<Fault<'_>>,
     ) -> Result<Self, GpuError> {
         let extent = sizes.render;
+        let tracks = reach_px.is_some();
         let prepared = wanted
             .iter()
-            .map(|&key| Ok((key, Prepared::new(gpu, extent, key, channels, fault)?)))
+            .map(|&key| Ok((key, Prepared::new(gpu, extent, key, channels, tracks, fault)?)))
             .collect::<Result<_, GpuError>>()?;
+        let tracked = reach_px
+            .map(|reach_px| Tracked::new(gpu, extent, channels, reach_px))
+            .transpose()?;
         let merge = channels
             .several
             .map(|several| Merge::new(gpu, extent, several, channels, fault))
@@ -137,7 +152,6 @@ impl Inputs {
             };
             Self {
                 sizes,
-                channels,
                 has_history: false,
                 jitter_px: [0.0; 2],
                 far: 1.0,
@@ -152,44 +166,13 @@ impl Inputs {
                 motion: if_read(channels.motion, "motion", motion_format),
                 reactive: if_read(channels.reactive, "reactive mask", TextureFormat::R32Float),
                 albedo: if_read(channels.albedo, "albedo", TextureFormat::Rgba32Float),
-                tracked: None,
+                tracked,
                 merge,
                 prepared,
                 nothing: Texture::new(gpu, "nothing", Extent::new(1, 1), TextureFormat::Rgba32Float),
                 no_ids: Texture::new(gpu, "no ids", Extent::new(1, 1), TextureFormat::R32Uint),
             }
         })
-    }
-
-    /// Compares every frame with the one before from now on, so that recipes that look as far as `reach_px`
-    /// ([`Recipe::reach_px`]) may skip what repeats.
-    pub fn track_changes(&mut self, gpu: &Gpu, reach_px: u32) -> Result<(), GpuError> {
-        let extent = self.sizes.render;
-        let buffer = |label, n_words: usize| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: 4 * n_words as u64,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
-        let n_tiles = n_tiles(extent);
-        let (flags, regions) = gpu.scope("making room for tiles", || {
-            (
-                buffer("flags of tiles", n_tiles),
-                buffer("regions of tiles", 2 * n_tiles),
-            )
-        })?;
-        self.tracked = Some(Tracked {
-            changes: Changes::new(extent, self.channels, reach_px),
-            flags,
-            regions,
-            is_repeat: false,
-            was_repeat: false,
-            keeps: false,
-            keeps_jitter: false,
-        });
-        Ok(())
     }
 
     /// Uploads `frame`, which must have the channels that were asked for.
@@ -221,15 +204,16 @@ impl Inputs {
         let Some(tracked) = &mut self.tracked else { return };
         let has_history = frame.index > 0 && !frame.reset;
         // Which pixels are shaded matters to `checkerboard` alone, which keeps none.
-        let told = (self.has_history, self.far, self.display);
+        let is_told_the_same = (self.far, self.display) == (frame.finite_far() as f32, frame.display);
         tracked.changes.see(frame);
+        tracked.list_changed(gpu, is_told_the_same);
         gpu.queue
             .write_buffer(&tracked.flags, 0, bytemuck::cast_slice(tracked.changes.tiles()));
         gpu.queue
             .write_buffer(&tracked.regions, 0, bytemuck::cast_slice(tracked.changes.regions()));
         tracked.was_repeat = tracked.is_repeat;
         tracked.is_repeat = tracked.changes.is_repeat() && self.display == frame.display;
-        tracked.keeps = has_history && told == (true, frame.finite_far() as f32, frame.display);
+        tracked.keeps = has_history && self.has_history && is_told_the_same;
         tracked.keeps_jitter = self.jitter_px == frame.jitter_px;
     }
 
@@ -276,6 +260,11 @@ impl Inputs {
         self.tracked.as_ref().is_some_and(|tracked| tracked.is_repeat)
     }
 
+    /// For which share of the tiles colours must be prepared anew.
+    pub fn changed_share(&self) -> f64 {
+        self.tracked.as_ref().map_or(1.0, |tracked| tracked.changed_share)
+    }
+
     /// Records the preparation of every colour wanted, in their order, as often as `repeat` says.
     pub fn prepare(
         &self,
@@ -300,19 +289,28 @@ impl Inputs {
             let merge = merge.dispatch(recorder.gpu, &self.color, &self.motion, self.depth.current())?;
             recorder.record(&merge)?;
         }
+        let changed = self.tracked.as_ref().map(|tracked| &tracked.changed);
+        let is_worth_listing = self.changed_share() < WORTH_LISTING;
         for (preparation, prepared) in &self.prepared {
-            let dispatch = prepared
-                .pass
-                .bind("input_color", self.color_of(preparation.source))
-                .bind("input_albedo", &self.albedo)
-                .bind("color", &prepared.color)
-                .bind("repaired_texels", &prepared.repaired_texels)
-                .uniform("display", &self.display_fields())
-                .over(recorder.gpu, self.sizes.render)?;
-            // A repeat has its colour, and as many repaired texels.
-            match self.is_repeat() {
-                true => recorder.record_unless(true, &dispatch)?,
-                false => recorder.record_counting(&dispatch, &[&prepared.repaired_texels])?,
+            let listed = prepared
+                .listed
+                .as_ref()
+                .zip(changed)
+                .map(|(pass, list)| (pass, Some(list)));
+            let every_pixel = (&prepared.every_pixel, None);
+            let warms_up = matches!(recorder.repeat, Repeat::WarmUp);
+            let chosen = [
+                listed.filter(|_| warms_up || is_worth_listing),
+                Some(every_pixel).filter(|_| warms_up || !is_worth_listing),
+            ];
+            for (pass, list) in chosen.into_iter().flatten() {
+                let bound = pass
+                    .bind("input_color", self.color_of(preparation.source))
+                    .bind("input_albedo", &self.albedo)
+                    .bind("color", &prepared.color)
+                    .bind("repaired_texels", &prepared.repaired_texels)
+                    .uniform("display", &self.display_fields());
+                recorder.record_tiled(bound, list, self.sizes.render, &[&prepared.repaired_texels])?;
             }
         }
         Ok(())
@@ -436,12 +434,49 @@ impl<'a> View<'a> {
     }
 }
 
+impl Tracked {
+    /// Nothing seen yet.
+    fn new(gpu: &Gpu, extent: Extent, channels: Channels, reach_px: u32) -> Result<Self, GpuError> {
+        let buffer = |label, n_words: usize| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: 4 * n_words as u64,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let n_tiles = n_tiles(extent);
+        gpu.scope("making room for tiles", || Self {
+            changes: Changes::new(extent, channels, reach_px),
+            changed: List::new(gpu, n_tiles),
+            changed_share: 1.0,
+            flags: buffer("flags of tiles", n_tiles),
+            regions: buffer("regions of tiles", 2 * n_tiles),
+            is_repeat: false,
+            was_repeat: false,
+            keeps: false,
+            keeps_jitter: false,
+        })
+    }
+
+    /// Lists the tiles that changed; all, unless passes are told the same of both frames.
+    fn list_changed(&mut self, gpu: &Gpu, is_told_the_same: bool) {
+        let changed: Vec<_> = self
+            .changes
+            .tiles_without(if is_told_the_same { flag::SAME | flag::SOUND } else { !0 })
+            .collect();
+        self.changed_share = changed.len() as f64 / self.changes.tiles().len() as f64;
+        self.changed.write(gpu, changed.into_iter());
+    }
+}
+
 impl Prepared {
     fn new(
         gpu: &Gpu,
         extent: Extent,
         key: Preparation,
         channels: Channels,
+        tracks: bool,
         fault: Option<Fault<'_>>,
     ) -> Result<Self, GpuError> {
         let overrides = [
@@ -449,11 +484,17 @@ impl Prepared {
             ("with_albedo", f64::from(u8::from(key.albedo && channels.albedo))),
             ("guards", f64::from(u8::from(key.guards == Guards::On))),
         ];
-        let sources = planted(fault, "prepare", &PREPARE)?;
-        let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
-        let pass = Pass::new(gpu, "prepare", &sources, &overrides)?;
+        let pass = |grid| {
+            let sources: Vec<_> = [PREPARE].into_iter().chain(SHARED).chain([grid]).collect();
+            let sources = planted(fault, "prepare", &sources)?;
+            let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
+            Pass::new(gpu, "prepare", &sources, &overrides)
+        };
+        let every_pixel = pass(tiles::EVERY_PIXEL)?;
+        let listed = tracks.then(|| pass(tiles::LISTED)).transpose()?;
         gpu.scope("making room for a colour", || Self {
-            pass,
+            every_pixel,
+            listed,
             color: Texture::new(gpu, "prepared color", extent, TextureFormat::Rgba32Float),
             repaired_texels: gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("repaired texels"),

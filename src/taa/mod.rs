@@ -32,7 +32,7 @@ pub use recipe::{Recipe, RecipeError, SizesError};
 pub use recorder::{Recorder, Repeat, Step, Watch};
 pub use resolver::Resolver;
 pub use skip::Skip;
-pub use tiles::Kept;
+pub use tiles::{Kept, SETTLE_PASS};
 
 use crate::sequence::Channels;
 use carried::Carried;

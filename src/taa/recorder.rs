@@ -1,6 +1,6 @@
 //! Where a recipe's passes are recorded.
 
-use super::tiles::{List, Tiles};
+use super::tiles::List;
 use crate::{
     gpu::{Dispatch, Gpu, GpuError, Invocation, Kept, Timer},
     image::Extent,
@@ -18,7 +18,7 @@ pub enum Repeat {
 /// Sees every pass as soon as it is recorded, before the next one is.
 pub trait Watch: std::fmt::Debug {
     /// `encoder` holds what was recorded since it last was submitted; the watch may submit it and leave another. `counters` are
-    /// the buffers whose first word was set to 0 before the pass.
+    /// the buffers that were set to 0 before the pass.
     fn recorded(
         &mut self,
         gpu: &Gpu,
@@ -42,7 +42,7 @@ impl Step {
         let mut steps = steps.peekable();
         while let Some(first) = steps.next() {
             for counter in &first.counters {
-                encoder.clear_buffer(counter, 0, Some(4));
+                encoder.clear_buffer(counter, 0, None);
             }
             let mut compute = encoder.begin_compute_pass(&Default::default());
             first.pass.record(&mut compute);
@@ -95,17 +95,15 @@ impl Recorder<'_> {
     pub(super) fn record_tiled(
         &mut self,
         pass: Invocation<'_>,
-        tiles: Option<(&Tiles, &List)>,
+        list: Option<&List>,
         extent: Extent,
+        counters: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
-        let dispatch = match tiles {
+        let dispatch = match list {
             None => pass.over(self.gpu, extent)?,
-            Some((tiles, list)) => pass
-                .bind("listed_tiles", &list.tiles)
-                .offer("notes", tiles.notes())
-                .indirect(self.gpu, &list.dispatch)?,
+            Some(list) => pass.bind("tile_list", list.words()).indirect(self.gpu, list.words())?,
         };
-        self.record(&dispatch)
+        self.record_counting(&dispatch, counters)
     }
 
     /// Records a pass whose results depend on the frame's images alone: over nothing where the frame repeats the one before,
@@ -120,14 +118,14 @@ impl Recorder<'_> {
         }
     }
 
-    /// Records a pass that counts in the first words of `counters`, which are set to 0 before each time.
+    /// Records a pass that counts in `counters`, which are set to 0 before each time.
     pub fn record_counting(&mut self, dispatch: &Dispatch<'_>, counters: &[&wgpu::Buffer]) -> Result<(), GpuError> {
         match self.repeat {
             Repeat::WarmUp => dispatch.record_corner(self.encoder),
             Repeat::Timed(n) => {
                 for _ in 0..n {
                     for counter in counters {
-                        self.encoder.clear_buffer(counter, 0, Some(4));
+                        self.encoder.clear_buffer(counter, 0, None);
                     }
                     dispatch.record(self.encoder, self.timer.time());
                 }

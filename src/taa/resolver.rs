@@ -9,7 +9,7 @@ use super::{
     skip::Skip,
     spatial::Antialiasing,
     temporal::{Builder, Temporal},
-    tiles::{Kept, Tiles},
+    tiles::{CLASSIFY_PASS, Kept, SETTLE_PASS},
 };
 use crate::{
     gpu::{Bound, Gpu, GpuError, Readback, Texture, Timer},
@@ -172,7 +172,10 @@ impl Recipe {
 
     /// The same where `skip` is asked for.
     pub fn passes_skipping(&self, skip: Skip, sizes: Sizes) -> Vec<&'static str> {
-        let classify = self.keeps_tiles(skip, sizes).then_some(Tiles::PASS);
-        classify.into_iter().chain(self.passes()).collect()
+        if !self.keeps_tiles(skip, sizes) {
+            return self.passes();
+        }
+        let settle = self.uses_history().then_some(SETTLE_PASS);
+        [CLASSIFY_PASS].into_iter().chain(self.passes()).chain(settle).collect()
     }
 }

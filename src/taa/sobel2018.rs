@@ -53,13 +53,17 @@ impl Edges {
             .bind("edge_history", self.history.previous())
             .bind("next_edge_history", self.history.current())
             .bind("stabilised", &self.stable);
-        let tiles = tiles.map(|tiles| (tiles, tiles.listed()));
-        recorder.record_tiled(stabilise, tiles, view.sizes().render)
+        recorder.record_tiled(stabilise, tiles.map(Tiles::computed), view.sizes().render, &[])
     }
 
     /// What the edges leave to the next frame.
     pub fn kept(&self) -> &Texture {
         self.history.current()
+    }
+
+    /// What the frame before left, and what this one does.
+    pub fn histories(&self) -> [&Texture; 2] {
+        [self.history.previous(), self.history.current()]
     }
 
     /// How strong the edge through each pixel is, 0 to 1.

@@ -69,6 +69,11 @@ impl Builder<'_> {
         self.compile(name, text, [tiles::EVERY_PIXEL, NEAR_CACHED], overrides)
     }
 
+    /// Compiles a pass that runs over the tiles of a list.
+    pub fn listed_pass(&self, name: &str, text: &str, overrides: &[(&str, f64)]) -> Result<Pass, GpuError> {
+        self.compile(name, text, [tiles::LISTED, NEAR_CACHED], overrides)
+    }
+
     /// Compiles a pass that runs over listed tiles where the recipe keeps others.
     pub fn tiled_pass(&self, name: &str, text: &str) -> Result<Pass, GpuError> {
         self.compile_tiled(name, text, NEAR_CACHED)
@@ -78,10 +83,12 @@ impl Builder<'_> {
     fn gathering_pass(&self, name: &str, text: &str) -> Result<Pass, GpuError> {
         let Workgroup { x, y } = self.gpu.workgroup();
         let [width, height] = match self.keeps_tiles {
-            true => [TILE, x * y / TILE],
+            true => [x.max(TILE), x * y / x.max(TILE)],
             false => [x, y],
         };
-        if !self.gpu.uses_workgroup_memory() || !looks_one_texel_far(self.recipe) || height == 0 {
+        // Tiles that follow one another in a list need not lie beside each other.
+        let is_whole = height > 0 && (!self.keeps_tiles || width == TILE);
+        if !self.gpu.uses_workgroup_memory() || !looks_one_texel_far(self.recipe) || !is_whole {
             return self.tiled_pass(name, text);
         }
         // Not overrides: naga takes one array at most whose size depends on some.
@@ -90,11 +97,12 @@ impl Builder<'_> {
     }
 
     fn compile_tiled(&self, name: &str, text: &str, near: &str) -> Result<Pass, GpuError> {
-        if !self.keeps_tiles {
-            return self.compile(name, text, [tiles::EVERY_PIXEL, near], &[]);
-        }
-        let notes_settled = ("notes_settled", f64::from(u8::from(self.recipe.keeps_carried_tiles())));
-        self.compile(name, text, [tiles::LISTED, near], &[notes_settled])
+        let grid = if self.keeps_tiles {
+            tiles::LISTED
+        } else {
+            tiles::EVERY_PIXEL
+        };
+        self.compile(name, text, [grid, near], &[])
     }
 
     /// `grid` says which pixels there are and how what lies beside them is read.
@@ -199,7 +207,7 @@ impl Temporal {
         self.history.advance();
         self.n_samples.advance();
         if let Some(tiles) = &mut self.tiles {
-            tiles.record(recorder, view)?;
+            tiles.classify(recorder, view)?;
         }
         let tiles = self.tiles.as_ref();
         let history = self.history.previous();
@@ -233,16 +241,18 @@ impl Temporal {
             .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
             .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved));
         let extent = view.sizes().output;
-        recorder.record_tiled(resolve, tiles.map(|tiles| (tiles, tiles.listed())), extent)?;
+        recorder.record_tiled(resolve, tiles.map(Tiles::computed), extent, &[])?;
         if let Some((sharpen, resolved)) = &self.sharpen {
             let bound = match view.recipe().motion_blur {
                 true => view.bind_to(sharpen),
                 false => view.bind_no_image_to(sharpen),
             };
             let sharpen = bound.bind("resolved", resolved).bind("shown", shown);
-            recorder.record_tiled(sharpen, tiles.map(|tiles| (tiles, tiles.beside())), extent)?;
+            recorder.record_tiled(sharpen, tiles.map(Tiles::beside), extent, &[])?;
         }
-        Ok(())
+        let Some(tiles) = tiles else { return Ok(()) };
+        let edges = self.edges.as_ref().map_or([nothing; 2], Edges::histories);
+        tiles.settle(recorder, view, [history, self.history.current()], edges)
     }
 
     /// What it leaves to the next frame.

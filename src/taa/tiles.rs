@@ -15,6 +15,9 @@
 //! the same bits wherever a vector leads, and if nothing else depends on the vector, the operands are those of every pixel
 //! that ever reads settled history of c. So a tile that read it in frame t−1 and in frame t, and stored c itself in frame
 //! t−1, has R(t) = R(t−1) and H(t) = H(t−1) = H(t−2) as before.
+//!
+//! What a frame stored is looked up after it (`settle.wgsl`), where a tile may be kept in the next frame at all: H(t) is that
+//! frame's H(t−1). A tile that was not looked at counts as one that changed.
 
 use super::{
     Carried, Recipe,
@@ -27,13 +30,19 @@ use super::{
     temporal::{Builder, Prefilter},
 };
 use crate::{
-    gpu::{Gpu, GpuError, Pass, Readback},
+    gpu::{Gpu, GpuError, Pass, Readback, Texture},
     image::Extent,
     sequence::Sizes,
 };
 use wgpu::BufferUsages;
 
+/// The pass before a recipe's own that lists their tiles.
+pub const CLASSIFY_PASS: &str = "classify";
+/// The pass after them that notes what they left.
+pub const SETTLE_PASS: &str = "settle";
+
 const CLASSIFY: &str = include_str!("../../shaders/taa/tiles/classify.wgsl");
+const SETTLE: &str = include_str!("../../shaders/taa/tiles/settle.wgsl");
 
 /// What passes over listed tiles and over every pixel are compiled with.
 pub const LISTED: &str = include_str!("../../shaders/taa/tiles/listed.wgsl");
@@ -45,26 +54,35 @@ const NO_TILE: u32 = !0;
 /// The most workgroups along one axis of a dispatch.
 const MAX_TILES: usize = 65535;
 
+/// Words of a list before its tiles.
+const HEAD: usize = 4;
+
 /// One recipe's lists and what they are made from.
 #[derive(Debug)]
 pub struct Tiles {
     classify: Pass,
+    /// Where there is a history to look at.
+    settle: Option<Pass>,
     wanted: u32,
     wanted_of_carried: u32,
     /// What is known of each tile's history: `classify.wgsl` has the bits.
     notes: Carried<wgpu::Buffer>,
     /// The tiles that are not kept.
-    listed: List,
+    computed: List,
     /// And those beside them.
     beside: List,
+    /// Those of the computed ones that may be kept in the next frame.
+    hopeful: List,
     n_tiles: usize,
 }
 
-/// Tiles in no order, and the dispatch over them.
+/// Tiles in no order, and the dispatch over them: see `shaders/taa/tiles/listed.wgsl`.
 #[derive(Debug)]
 pub struct List {
-    pub tiles: wgpu::Buffer,
-    pub dispatch: wgpu::Buffer,
+    words: wgpu::Buffer,
+    /// How many a workgroup covers, or a part of.
+    tiles_a_span: usize,
+    workgroups_a_span: u32,
 }
 
 impl Recipe {
@@ -107,6 +125,25 @@ impl Recipe {
         wanted
     }
 
+    /// What a tile of a frame must have for it to be worth knowing what that frame left in it: as the next frame's flags will be
+    /// where it repeats this one, and its jitter, too, if this one's is that of the frame before.
+    fn hopeful_flags(&self, keeps_jitter: bool) -> [u32; 2] {
+        let still = self.wanted_flags() & flag::STILL;
+        let rests = match (keeps_jitter, self.flags_without_jitter()) {
+            (true, _) => still,
+            (false, Some(flags)) => still | flags,
+            (false, None) => NO_TILE,
+        };
+        [
+            rests,
+            if self.keeps_carried_tiles() {
+                flag::FLAT
+            } else {
+                NO_TILE
+            },
+        ]
+    }
+
     /// Whether it keeps parts of flat surfaces that move.
     pub(super) fn keeps_carried_tiles(&self) -> bool {
         self.wanted_flags_of_carried() != NO_TILE
@@ -135,28 +172,36 @@ impl Recipe {
 }
 
 impl Tiles {
-    pub const PASS: &str = "classify";
-
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
         let Builder { gpu, recipe, .. } = builder;
-        let sources = planted(builder.fault, Self::PASS, &[CLASSIFY])?;
-        let lists_beside = f64::from(u8::from(recipe.sharpen != Sharpen::None));
-        let classify = Pass::new(gpu, Self::PASS, &[&*sources[0]], &[("lists_beside", lists_beside)])?;
+        let flag = |is_set| f64::from(u8::from(is_set));
+        let sources = planted(builder.fault, CLASSIFY_PASS, &[CLASSIFY])?;
+        let lists_beside = [("lists_beside", flag(recipe.sharpen != Sharpen::None))];
+        let classify = Pass::new(gpu, CLASSIFY_PASS, &[&*sources[0]], &lists_beside)?;
+        let settles = [
+            ("notes_settled", flag(recipe.keeps_carried_tiles())),
+            ("keeps_edges", flag(recipe.finds_edges())),
+        ];
+        let settle = recipe
+            .uses_history()
+            .then(|| builder.listed_pass(SETTLE_PASS, SETTLE, &settles))
+            .transpose()?;
         let n_tiles = n_tiles(builder.sizes.output);
-        let n_groups = (TILE * TILE).div_ceil(gpu.workgroup().n_invocations());
         gpu.scope("making room for tiles", || Self {
             classify,
+            settle,
             wanted: recipe.wanted_flags(),
             wanted_of_carried: recipe.wanted_flags_of_carried(),
             notes: Carried::of([0, 1].map(|_| words(gpu, "notes of tiles", n_tiles))),
-            listed: List::new(gpu, n_tiles, n_groups),
-            beside: List::new(gpu, n_tiles, n_groups),
+            computed: List::new(gpu, n_tiles),
+            beside: List::new(gpu, n_tiles),
+            hopeful: List::new(gpu, n_tiles),
             n_tiles,
         })
     }
 
-    /// Records the lists of a frame.
-    pub fn record(&mut self, recorder: &mut Recorder<'_>, view: View<'_>) -> Result<(), GpuError> {
+    /// Records the lists of a frame, before its other passes.
+    pub fn classify(&mut self, recorder: &mut Recorder<'_>, view: View<'_>) -> Result<(), GpuError> {
         self.notes.advance();
         let repetition = view.repetition();
         let wanted = match (
@@ -172,6 +217,11 @@ impl Tiles {
             true => self.wanted_of_carried,
             false => NO_TILE,
         };
+        // What is shown without a history leaves nothing to be looked at.
+        let hopeful = match self.settle {
+            Some(_) => view.recipe().hopeful_flags(repetition.keeps_jitter),
+            None => [0, 0],
+        };
         let Extent { width, height } = view.sizes().output;
         let size = Extent::new(width.div_ceil(TILE), height.div_ceil(TILE));
         let classify = self
@@ -180,88 +230,129 @@ impl Tiles {
             .bind("regions", repetition.regions)
             .bind("notes_before", self.notes.previous())
             .bind("notes", self.notes.current())
-            .bind("dispatch", &self.listed.dispatch)
-            .bind("listed_tiles", &self.listed.tiles)
-            .bind("dispatch_beside", &self.beside.dispatch)
-            .bind("listed_beside", &self.beside.tiles)
+            .bind("computed", &self.computed.words)
+            .bind("beside", &self.beside.words)
+            .bind("hopeful", &self.hopeful.words)
             .uniform(
                 "wanted",
                 &[
                     ("flags", wanted.into()),
                     ("carried", carried.into()),
+                    ("hopeful", hopeful.into()),
                     ("size", [size.width, size.height].into()),
                 ],
             )
             .over(recorder.gpu, size)?;
-        recorder.record_counting(&classify, &[&self.listed.dispatch, &self.beside.dispatch])
+        let lists = [&self.computed, &self.beside, &self.hopeful].map(|list| &list.words);
+        recorder.record_counting(&classify, &lists)
     }
 
-    pub fn notes(&self) -> &wgpu::Buffer {
-        self.notes.current()
+    /// Records what is noted of the frame for the next one, after its other passes; `history` and `edges` before and after them.
+    pub fn settle(
+        &self,
+        recorder: &mut Recorder<'_>,
+        view: View<'_>,
+        history: [&Texture; 2],
+        edges: [&Texture; 2],
+    ) -> Result<(), GpuError> {
+        let Some(settle) = &self.settle else { return Ok(()) };
+        let settle = view
+            .bind_to(settle)
+            .bind("history", history[0])
+            .bind("stored", history[1])
+            .bind("edge_history", edges[0])
+            .bind("stored_edges", edges[1])
+            .bind("notes", self.notes.current());
+        recorder.record_tiled(settle, Some(&self.hopeful), view.sizes().output, &[])
     }
 
-    pub fn listed(&self) -> &List {
-        &self.listed
+    pub fn computed(&self) -> &List {
+        &self.computed
     }
 
     pub fn beside(&self) -> &List {
         &self.beside
     }
 
-    /// Copies how many tiles were listed, and which; see [`Kept`].
+    /// Copies which tiles were computed, and how many were looked at afterwards; see [`Kept`].
     pub fn copy_back(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Kept {
-        let count = readback.copy_buffer(gpu, encoder, &self.listed.dispatch, 4);
-        let tiles = readback.copy_buffer(gpu, encoder, &self.listed.tiles, self.n_tiles as u64 * 4);
+        let n_bytes = 4 * (HEAD + self.n_tiles) as u64;
         Kept {
-            count,
-            tiles,
+            computed: readback.copy_buffer(gpu, encoder, &self.computed.words, n_bytes),
+            hopeful: readback.copy_buffer(gpu, encoder, &self.hopeful.words, 4 * HEAD as u64),
             n_tiles: self.n_tiles,
         }
     }
 }
 
 impl List {
-    fn new(gpu: &Gpu, n_tiles: usize, n_groups: u32) -> Self {
-        let list = Self {
-            tiles: words(gpu, "listed tiles", n_tiles),
-            dispatch: words(gpu, "dispatch", 3),
-        };
-        let empty = [0, n_groups, 1];
-        gpu.queue.write_buffer(&list.dispatch, 0, bytemuck::cast_slice(&empty));
-        list
+    /// An empty one with room for `n_tiles`.
+    pub fn new(gpu: &Gpu, n_tiles: usize) -> Self {
+        let workgroup = gpu.workgroup();
+        let tiles_a_span = (workgroup.x / TILE).max(1);
+        Self {
+            words: words(
+                gpu,
+                "listed tiles",
+                HEAD + n_tiles.next_multiple_of(tiles_a_span as usize),
+            ),
+            tiles_a_span: tiles_a_span as usize,
+            workgroups_a_span: tiles_a_span * TILE * TILE / workgroup.n_invocations(),
+        }
+    }
+
+    /// Makes it a list of `tiles`, column and row each.
+    pub fn write(&self, gpu: &Gpu, tiles: impl Iterator<Item = [u32; 2]>) {
+        let mut words = vec![0; HEAD];
+        words.extend(tiles.map(|[x, y]| (x | y << 16) + 1));
+        let n_tiles = words.len() - HEAD;
+        let n_spans = n_tiles.div_ceil(self.tiles_a_span);
+        words[..HEAD].copy_from_slice(&[self.workgroups_a_span, n_spans as u32, 1, n_tiles as u32]);
+        words.resize(HEAD + n_spans * self.tiles_a_span, 0);
+        gpu.queue.write_buffer(&self.words, 0, bytemuck::cast_slice(&words));
+    }
+
+    /// What listed.wgsl reads, and of which the first three words are a dispatch.
+    pub fn words(&self) -> &wgpu::Buffer {
+        &self.words
     }
 }
 
-/// Where a frame's list is read back from.
+/// Where a frame's lists are read back from.
 #[derive(Debug)]
 pub struct Kept {
-    count: usize,
-    tiles: usize,
+    computed: usize,
+    hopeful: usize,
     n_tiles: usize,
 }
 
 impl Kept {
     /// Which share of the tiles was kept, 0 to 1.
     pub fn share(&self, readback: &Readback) -> Result<f64, GpuError> {
-        Ok(1.0 - self.n_listed(readback)? as f64 / self.n_tiles as f64)
+        Ok(1.0 - self.computed(readback)?.len() as f64 / self.n_tiles as f64)
     }
 
-    fn n_listed(&self, readback: &Readback) -> Result<usize, GpuError> {
-        let bytes = readback.bytes(self.count)?;
-        Ok(u32::from_le_bytes(std::array::from_fn(|i| bytes[i])) as usize)
+    /// Which share of the tiles was looked at after the frame, 0 to 1.
+    pub fn settled_share(&self, readback: &Readback) -> Result<f64, GpuError> {
+        let head = readback.bytes(self.hopeful)?;
+        let n_hopeful = u32::from_le_bytes(std::array::from_fn(|i| head[4 * (HEAD - 1) + i]));
+        Ok(f64::from(n_hopeful) / self.n_tiles as f64)
+    }
+
+    /// Column and row of every tile that was computed.
+    fn computed(&self, readback: &Readback) -> Result<Vec<[usize; 2]>, GpuError> {
+        let bytes = readback.bytes(self.computed)?;
+        let words = bytes.chunks_exact(4).skip(HEAD);
+        let listed = words.map(|bytes| u32::from_le_bytes(std::array::from_fn(|i| bytes[i])));
+        let tile = |listed: u32| [listed & 0xffff, listed >> 16].map(|at| at as usize);
+        Ok(listed.map_while(|listed| listed.checked_sub(1)).map(tile).collect())
     }
 
     /// Whether each tile was kept, row by row of `columns` tiles.
     pub fn read(&self, readback: &Readback, columns: usize) -> Result<Vec<bool>, GpuError> {
-        let word = |bytes: &[u8]| u32::from_le_bytes(std::array::from_fn(|i| bytes[i]));
         let mut kept = vec![true; self.n_tiles];
-        for tile in readback
-            .bytes(self.tiles)?
-            .chunks_exact(4)
-            .take(self.n_listed(readback)?)
-        {
-            let tile = word(tile) as usize;
-            kept[(tile >> 16) * columns + (tile & 0xffff)] = false;
+        for [x, y] in self.computed(readback)? {
+            kept[y * columns + x] = false;
         }
         Ok(kept)
     }

@@ -42,9 +42,14 @@ fn parse(source: &str) -> Result<naga::Module, String> {
 /// A pass together with the files it is compiled with.
 fn module_of(pass: &Path, files: &[PathBuf]) -> String {
     // A recipe's passes share what lies beside them; of two files that stand in for each other one is enough.
+    let runs_over_lists_alone = pass.ends_with("settle.wgsl");
     let stands_in = [
         "history_f32.wgsl",
-        "listed.wgsl",
+        if runs_over_lists_alone {
+            "every_pixel.wgsl"
+        } else {
+            "listed.wgsl"
+        },
         "near_shared.wgsl",
         "classes.wgsl",
         "shares.wgsl",
@@ -62,7 +67,8 @@ fn module_of(pass: &Path, files: &[PathBuf]) -> String {
     let (metrics, others): (Vec<_>, Vec<_>) = shared.partition(|path| path.iter().any(|part| part == "metrics"));
     let needed = others.into_iter().filter(|path| {
         let folder = path.parent().unwrap();
-        folder.ends_with("common") || of_recipe && folder.parent().unwrap().ends_with("taa")
+        let is_grid = path.ends_with("every_pixel.wgsl") && pass.ends_with("prepare.wgsl");
+        folder.ends_with("common") || is_grid || of_recipe && folder.parent().unwrap().ends_with("taa")
     });
     module.extend(needed.map(|path| format!("\n{}", fs::read_to_string(path).unwrap())));
     // A metric's pass is compiled with the files that it, or one of these, calls.

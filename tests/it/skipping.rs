@@ -61,7 +61,9 @@ fn workgroups_share_what_they_read_to_the_bit() {
                 resolved.iter().map(|(image, ..)| bits(image)).collect::<Vec<_>>()
             };
             let alone = with(false, Workgroup::new(64, 1));
-            for shape in [Workgroup::new(8, 8), Workgroup::new(64, 4)] {
+            // Of listed tiles a group takes a part, a whole one, four or eight.
+            for (x, y) in [(4, 2), (8, 8), (64, 4), (128, 2)] {
+                let shape = Workgroup::new(x, y);
                 assert!(with(true, shape) == alone, "{preset} {skip:?} {shape}");
             }
         }

@@ -278,6 +278,27 @@ fn planted_faults_turn_cells_red() {
             "const UNSETTLED: u32 = 0u;",
             spec("order.skip", "ema", Precision::F32),
         ),
+        (
+            "tiles of which nothing is noted are kept",
+            "classify",
+            "noted |= CHANGED | UNSETTLED;",
+            "",
+            spec("order.skip", "ema", Precision::F32),
+        ),
+        (
+            "it is not noted that history changes",
+            "settle",
+            "differ(c, fetch(history, p))",
+            "differ(c, fetch(history, p)) && c.r < 0.0",
+            spec("order.skip", "ema", Precision::F32),
+        ),
+        (
+            "it is not noted that history has not settled",
+            "settle",
+            "differ(c, round_history(fetch(color, p)))",
+            "differ(c, round_history(fetch(color, p))) && c.r < 0.0",
+            spec("order.skip", "ema", Precision::F32),
+        ),
     ];
     let mut missed = Vec::new();
     for (fault, pass, text, instead, spec) in faults {

@@ -25,10 +25,7 @@ fn main(invocation: Invocation) {
         let h = clamp(sample_bilinear(edge_history, at.q).r, bounds.x, bounds.y);
         stable = mix(h, stable, luma_feedback(stable, h));
     }
-    let stored = round_history(vec3f(stable));
-    textureStore(next_edge_history, id, vec4f(stored, 0.0));
-    // The resolve looks at the edges of its neighbours.
-    note_changed_beside(id, stored.x, fetch(edge_history, p).r);
+    textureStore(next_edge_history, id, vec4f(round_history(vec3f(stable)), 0.0));
     textureStore(stabilised, id, vec4f(stable));
 }
 

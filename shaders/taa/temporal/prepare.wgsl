@@ -14,22 +14,23 @@ override guards: bool;
 @group(0) @binding(3) var input_albedo: texture_2d<f32>;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(color))) {
+fn main(invocation: Invocation) {
+    let id = pixel_of(invocation);
+    if (any(id >= textureDimensions(color))) {
         return;
     }
     // Alpha is 0 where one of several samples was repaired when they were merged.
-    let raw = textureLoad(input_color, id.xy, 0);
+    let raw = textureLoad(input_color, id, 0);
     let prepared = to_domain(select(raw.rgb, repaired(raw.rgb), guards), domain);
     var unlit_luma = luma(prepared);
     var hostile = any_hostile(raw.rgb) || raw.a == 0.0;
     if (with_albedo) {
-        let albedo = textureLoad(input_albedo, id.xy, 0).rgb;
+        let albedo = textureLoad(input_albedo, id, 0).rgb;
         unlit_luma = luma(select(albedo, repaired(albedo), guards));
         hostile = hostile || any_hostile(albedo);
     }
     if (hostile) {
         atomicAdd(&repaired_texels, 1u);
     }
-    textureStore(color, id.xy, vec4f(prepared, unlit_luma));
+    textureStore(color, id, vec4f(prepared, unlit_luma));
 }

@@ -40,23 +40,18 @@ fn main(invocation: Invocation) {
     let current = current_color(p, has_history);
     var resolved = current;
     var history_share = 0.0;
-    var read = vec3f(-1.0);
     var n = 1.0;
     if (has_history) {
         if (counts_samples()) {
             n += fetch(n_samples, vec2i(floor(at.q))).r;
         }
-        read = filtered_history(at.q);
-        let blended = accumulated(p, at, read, current, n);
+        let blended = accumulated(p, at, filtered_history(at.q), current, n);
         resolved = blended.rgb;
         history_share = blended.a;
     }
     resolved = saturated(resolved);
     if (history_filter != HISTORY_NONE) {
-        let stored = round_history(resolved);
-        textureStore(next_history, id, vec4f(stored, 1.0));
-        // Where nothing moves, what was read lay at this texel; where colour is flat, the current colour is its own texel's.
-        note_stored(stored, read, round_history(current));
+        textureStore(next_history, id, vec4f(round_history(resolved), 1.0));
     }
     if (counts_samples()) {
         textureStore(next_n_samples, id, vec4f(n));

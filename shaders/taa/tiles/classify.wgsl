@@ -12,6 +12,8 @@ struct Wanted {
     flags: u32,
     // And to be kept as part of a flat surface, wherever that moves.
     carried: u32,
+    // Those that a tile must have now if it is to be kept in the next frame: as the one, or as the other.
+    hopeful: vec2u,
     // Number of tiles along x and y.
     size: vec2u,
 }
@@ -27,13 +29,16 @@ const READ_SETTLED: u32 = 4u;
 @group(0) @binding(1) var<storage, read> regions: array<vec2u>;
 @group(0) @binding(2) var<storage, read> notes_before: array<u32>;
 @group(0) @binding(3) var<storage, read_write> notes: array<u32>;
-// The first three of a list's words are its dispatch: number of tiles, workgroups a tile, 1.
-@group(0) @binding(4) var<storage, read_write> dispatch: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read_write> listed_tiles: array<u32>;
-// The tiles beside them, too, where `lists_beside`.
-@group(0) @binding(6) var<storage, read_write> dispatch_beside: array<atomic<u32>>;
-@group(0) @binding(7) var<storage, read_write> listed_beside: array<u32>;
-@group(0) @binding(8) var<uniform> wanted: Wanted;
+// Lists as listed.wgsl reads them, all 0: the tiles that are not kept;
+@group(0) @binding(4) var<storage, read_write> computed: array<atomic<u32>>;
+// those beside them, too, where `lists_beside`;
+@group(0) @binding(5) var<storage, read_write> beside: array<atomic<u32>>;
+// those that settle.wgsl looks at: of the others it is not worth knowing.
+@group(0) @binding(6) var<storage, read_write> hopeful: array<atomic<u32>>;
+@group(0) @binding(7) var<uniform> wanted: Wanted;
+
+const TILE: u32 = 16u;
+const HEAD: u32 = 4u;
 
 fn index_of(tile: vec2u) -> u32 {
     return tile.y * wanted.size.x + tile.x;
@@ -72,8 +77,49 @@ fn all_kept_beside(tile: vec2u) -> bool {
     return kept;
 }
 
+fn has(tile: vec2u, flags: u32) -> bool {
+    return (frame_flags[index_of(tile)] & flags) == flags;
+}
+
+fn tiles_a_span() -> u32 {
+    return max(WORKGROUP_X / TILE, 1u);
+}
+
+fn add_to_computed(tile: u32) {
+    let place = atomicAdd(&computed[3], 1u);
+    atomicStore(&computed[HEAD + place], tile + 1u);
+    if (place % tiles_a_span() == 0u) {
+        atomicAdd(&computed[1], 1u);
+    }
+}
+
+fn add_to_beside(tile: u32) {
+    let place = atomicAdd(&beside[3], 1u);
+    atomicStore(&beside[HEAD + place], tile + 1u);
+    if (place % tiles_a_span() == 0u) {
+        atomicAdd(&beside[1], 1u);
+    }
+}
+
+fn add_to_hopeful(tile: u32) {
+    let place = atomicAdd(&hopeful[3], 1u);
+    atomicStore(&hopeful[HEAD + place], tile + 1u);
+    if (place % tiles_a_span() == 0u) {
+        atomicAdd(&hopeful[1], 1u);
+    }
+}
+
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (all(id.xy == vec2u(0u))) {
+        let workgroups_a_span = tiles_a_span() * TILE * TILE / (WORKGROUP_X * WORKGROUP_Y);
+        atomicStore(&computed[0], workgroups_a_span);
+        atomicStore(&computed[2], 1u);
+        atomicStore(&beside[0], workgroups_a_span);
+        atomicStore(&beside[2], 1u);
+        atomicStore(&hopeful[0], workgroups_a_span);
+        atomicStore(&hopeful[2], 1u);
+    }
     if (any(id.xy >= wanted.size)) {
         return;
     }
@@ -81,12 +127,20 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let index = index_of(id.xy);
     let settled = reads_settled(id.xy);
     let kept = is_kept(id.xy, settled);
-    // Whoever is kept stores nothing that could be noted.
-    notes[index] = select(0u, READ_SETTLED, settled) | select(0u, notes_before[index] & UNSETTLED, kept);
-    if (!kept) {
-        listed_tiles[atomicAdd(&dispatch[0], 1u)] = tile;
+    var noted = select(0u, READ_SETTLED, settled);
+    if (kept) {
+        // It stores nothing that could be noted.
+        noted |= notes_before[index] & UNSETTLED;
+    } else {
+        add_to_computed(tile);
+        if (has(id.xy, wanted.hopeful.x) || has(id.xy, wanted.hopeful.y)) {
+            add_to_hopeful(tile);
+        } else {
+            noted |= CHANGED | UNSETTLED;
+        }
     }
+    notes[index] = noted;
     if (lists_beside && !all_kept_beside(id.xy)) {
-        listed_beside[atomicAdd(&dispatch_beside[0], 1u)] = tile;
+        add_to_beside(tile);
     }
 }

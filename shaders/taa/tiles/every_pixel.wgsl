@@ -14,7 +14,3 @@ fn pixel_of(invocation: Invocation) -> vec2u {
 fn corner_of(invocation: Invocation) -> vec2u {
     return invocation.workgroup.xy * vec2u(WORKGROUP_X, WORKGROUP_Y);
 }
-
-fn note_stored(c: vec3f, before: vec3f, settled: vec3f) {}
-
-fn note_changed_beside(p: vec2u, c: f32, before: f32) {}

@@ -135,7 +135,7 @@ impl<R: Real> Mul<R> for Color<R> {
 }
 
 /// NaN, infinite, negative or above [`F16_MAX`]. `-0` is none of them.
-fn is_hostile(x: f32) -> bool {
+pub fn is_hostile(x: f32) -> bool {
     !(x >= 0.0 && f64::from(x) <= F16_MAX)
 }
 

@@ -59,7 +59,7 @@ impl<'a> Validator<'a> {
         let wanted = BTreeSet::from([recipe.preparation()]);
         Ok(Self {
             gpu,
-            inputs: Inputs::with_fault(gpu, sizes, channels, &wanted, fault)?,
+            inputs: Inputs::tracking(gpu, sizes, channels, &wanted, None, fault)?,
             resolver: Resolver::with_fault(gpu, recipe.clone(), precision, sizes, fault)?,
             timer: Timer::new(gpu, 0),
             pool: ReadbackPool::default(),

@@ -152,10 +152,8 @@ pub fn resolve_with(
     });
     let wanted = BTreeSet::from([recipe.preparation()]);
     let n_merges = usize::from(channels.several.is_some());
-    let mut inputs = Inputs::new(gpu, sizes, channels, &wanted).unwrap();
-    if options.skip != Skip::Off {
-        inputs.track_changes(gpu, recipe.reach_px()).unwrap();
-    }
+    let reach_px = (options.skip != Skip::Off).then(|| recipe.reach_px());
+    let mut inputs = Inputs::tracking(gpu, sizes, channels, &wanted, reach_px, None).unwrap();
     let mut resolver = Resolver::new(gpu, recipe.clone(), options, sizes).unwrap();
     let passes = recipe.passes_skipping(options.skip, sizes);
     let mut timer = Timer::new(gpu, 2 + passes.len() as u32);
