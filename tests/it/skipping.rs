@@ -242,3 +242,30 @@ fn one_texel_that_changes_is_seen_everywhere() {
         assert_ne!(bits(&with[6].0), bits(&without[6].0), "{at:?}");
     }
 }
+
+/// Texels that are repaired are counted in every frame, whether what is made of their tile is there already or not.
+#[test]
+fn hostile_texels_are_counted_where_they_stand_still() {
+    for id in ["none", "ema", "inside", "sobel2018"] {
+        let recipe = &Preset::find(id).unwrap().recipe;
+        let extent = Extent::new(166, 101);
+        let frames = (0..8).map(|index| Frame {
+            albedo: Some(Image::filled(extent, [1.0; 3])),
+            object_id: Some(Image::filled(extent, 1)),
+            ..still(extent, index, move |x, y| match (x, y) {
+                (40, 40) => [f32::NAN, 0.5, -1.0],
+                // So that no frame repeats the one before.
+                (100, 70) => [0.1 * index as f32; 3],
+                _ => [0.35, 0.5, 0.8],
+            })
+        });
+        let exact = options(Precision::F16, Skip::Exact);
+        let repaired: Vec<_> = resolve_skipping(recipe, exact, frames.clone())
+            .into_iter()
+            .map(|(_, n_repaired, _)| n_repaired)
+            .collect();
+        assert_eq!(repaired, [1; 8], "{id}");
+        let kept = same_both_ways(recipe, Precision::F16, frames);
+        assert!(kept[7] > 0.8 && kept[7] < 1.0, "{id}: {kept:?}");
+    }
+}
