@@ -22,8 +22,12 @@ const here = () => location.pathname + location.search + location.hash;
 
 function views(menu) {
   const list = element("ul", {});
+  let shown;
   const show = () => {
     const saved = read();
+    // A row that is made anew under the pointer takes no click.
+    if (JSON.stringify(saved) === shown) return;
+    shown = JSON.stringify(saved);
     const row = (view, i) =>
       element(
         "li",
