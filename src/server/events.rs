@@ -23,7 +23,7 @@ use tokio::sync::broadcast::{Receiver, error::RecvError};
 struct Watch {
     service: Arc<Service>,
     events: Receiver<JobEvent>,
-    job: Job,
+    job: Arc<Job>,
     /// What is to be sent next; the end follows when there is nothing.
     next: Next,
 }
@@ -103,7 +103,8 @@ impl Watch {
                     if (n_done, n_total) == (self.job.n_done, self.job.n_total) {
                         continue;
                     }
-                    (self.job.n_done, self.job.n_total) = (n_done, n_total);
+                    let job = Arc::make_mut(&mut self.job);
+                    (job.n_done, job.n_total) = (n_done, n_total);
                     return Some(());
                 }
                 Ok(_) | Err(RecvError::Lagged(_)) => {

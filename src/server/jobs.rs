@@ -154,13 +154,13 @@ impl<'de> Deserialize<'de> for PresetRequest {
 #[derive(Serialize, JsonSchema)]
 pub struct JobWithReports {
     #[serde(flatten)]
-    job: Job,
+    job: Arc<Job>,
     /// Asked for again: the reports are those of the first time. Only in the answer to `POST /jobs`.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     #[serde(default)]
     answered_from_store: bool,
     /// In the order of its presets.
-    reports: Vec<Report>,
+    reports: Vec<Arc<Report>>,
 }
 
 /// Refuses a job where too many wait.
@@ -413,7 +413,7 @@ pub struct JobQuery {
 #[derive(Serialize, JsonSchema)]
 pub struct JobPage {
     /// Newest first.
-    jobs: Vec<Job>,
+    jobs: Vec<Arc<Job>>,
     /// Where the next page begins; none after the last.
     next_cursor: Option<Cursor>,
 }

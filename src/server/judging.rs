@@ -69,7 +69,7 @@ pub async fn post(
 
 /// Everything of one metric of one line, gathered before it is judged off the async threads.
 struct Gathered {
-    report: Report,
+    report: Arc<Report>,
     metric: String,
     values: Vec<f64>,
     version: u32,
@@ -81,7 +81,7 @@ struct Gathered {
 pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<Judgement, ApiError> {
     let reports = load(service, ids).await?;
     let (project, branch) = place(&reports)?;
-    let mut by_series: BTreeMap<i64, Vec<&Report>> = BTreeMap::new();
+    let mut by_series: BTreeMap<i64, Vec<&Arc<Report>>> = BTreeMap::new();
     for report in &reports {
         by_series.entry(report.series.id).or_default().push(report);
     }
@@ -107,7 +107,7 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
     Ok(judgement)
 }
 
-async fn load(service: &Service, ids: &[i64]) -> Result<Vec<Report>, ApiError> {
+async fn load(service: &Service, ids: &[i64]) -> Result<Vec<Arc<Report>>, ApiError> {
     let mut reports = Vec::with_capacity(ids.len());
     for id in ids.iter().collect::<BTreeSet<_>>() {
         let unknown = |detail: String| ApiError::invalid("unknown_report", detail).field("reports");
@@ -125,8 +125,8 @@ async fn load(service: &Service, ids: &[i64]) -> Result<Vec<Report>, ApiError> {
 }
 
 /// The one project and branch of all reports.
-fn place(reports: &[Report]) -> Result<(String, String), ApiError> {
-    let place = |report: &Report| {
+fn place(reports: &[Arc<Report>]) -> Result<(String, String), ApiError> {
+    let place = |report: &Arc<Report>| {
         let branch = report.provenance.branch.clone().unwrap_or_default();
         (report.series.project.clone(), branch)
     };
@@ -141,7 +141,7 @@ fn place(reports: &[Report]) -> Result<(String, String), ApiError> {
 
 async fn gather(
     service: &Service,
-    reports: &[&Report],
+    reports: &[&Arc<Report>],
     branch: &str,
     rules: &Rules,
     gathered: &mut Vec<Gathered>,
@@ -162,7 +162,7 @@ async fn gather(
         if asked == crate::verdict::Checks::default() {
             continue;
         }
-        let value = |report: &&Report| match metric == GPU_TIME {
+        let value = |report: &&Arc<Report>| match metric == GPU_TIME {
             true => report.gpu_time_ms,
             false => report.values.get(&metric).map(|value| value.0),
         };
@@ -174,7 +174,7 @@ async fn gather(
         let points = store.trend(series.id, &metric, &filter).await?;
         let history = past(store.describe(&points).await?);
         gathered.push(Gathered {
-            report: newest.clone(),
+            report: Arc::clone(newest),
             values: reports.iter().filter_map(value).collect(),
             approved: store.approved(series.id, &metric, version).await?,
             metric,
@@ -218,7 +218,7 @@ impl Gathered {
 }
 
 /// Says of each regression which frames to look at.
-async fn add_worst_frames(service: &Service, reports: &[Report], checks: &mut [Check]) -> Result<(), ApiError> {
+async fn add_worst_frames(service: &Service, reports: &[Arc<Report>], checks: &mut [Check]) -> Result<(), ApiError> {
     for check in checks
         .iter_mut()
         .filter(|check| check.outcome == Outcome::Regression && check.metric != GPU_TIME)
@@ -235,7 +235,7 @@ async fn announce(
     service: &Service,
     project: &str,
     branch: &str,
-    reports: &[Report],
+    reports: &[Arc<Report>],
     judgement: &Judgement,
 ) -> Result<(), ApiError> {
     let failed: Vec<&Check> = judgement

@@ -19,10 +19,10 @@ use axum::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeSet, str::FromStr as _};
+use std::{collections::BTreeSet, str::FromStr as _, sync::Arc};
 
 /// The report that a path names.
-pub async fn find(service: &Service, id: i64) -> Result<Report, ApiError> {
+pub async fn find(service: &Service, id: i64) -> Result<Arc<Report>, ApiError> {
     let found = service.store.report(id).await?;
     found.ok_or_else(|| ApiError::not_found(format!("there is no report {id}")))
 }
@@ -56,7 +56,7 @@ pub struct ReportQuery {
 #[derive(Serialize, JsonSchema)]
 pub struct ReportPage {
     /// Newest first.
-    reports: Vec<Report>,
+    reports: Vec<Arc<Report>>,
     /// Where the next page begins; none after the last.
     next_cursor: Option<Cursor>,
 }
@@ -87,12 +87,12 @@ pub async fn list(
 /// What filters call a sequence: the hash of one that is stored, the name of one that is not.
 async fn subject(service: &Service, sequence: Option<String>) -> Result<Option<String>, ApiError> {
     let Some(name) = sequence else { return Ok(None) };
-    let stored = service.store.sequence(&name).await?;
-    Ok(Some(stored.map_or(name, |sequence| sequence.hash)))
+    let stored = service.store.sequence_ids(&name).await?;
+    Ok(Some(stored.map_or(name, |(_, hash)| hash)))
 }
 
 /// One report without its frames.
-pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Json<Report>, ApiError> {
+pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Json<Arc<Report>>, ApiError> {
     find(&service, id).await.map(Json)
 }
 
@@ -296,17 +296,14 @@ pub async fn points(
     if query.max_points.is_some_and(|max| !(4..=100_000).contains(&max)) {
         return bad("max_points", "`max_points` must be 4 to 100000");
     }
-    let series = find_series(&service, id).await?;
     check_metric(&service, &query.metric).await?;
     let path = match &query.branch {
         None => None,
-        Some(branch) => Some(
-            service
-                .store
-                .branch_path(&series.project, branch)
-                .await?
-                .unwrap_or_default(),
-        ),
+        Some(branch) => {
+            let series = find_series(&service, id).await?;
+            let path = service.store.branch_path(&series.project, branch).await?;
+            Some(path.unwrap_or_default())
+        }
     };
     let filter = TrendFilter {
         path,
@@ -315,6 +312,10 @@ pub async fn points(
         limit: query.limit.unwrap_or(100_000),
     };
     let all = service.store.trend(id, &query.metric, &filter).await?;
+    if all.is_empty() {
+        // Nothing of a series, or no such series.
+        find_series(&service, id).await?;
+    }
     let n_points = all.len();
     let kept = match query.max_points {
         Some(max) => downsample(&all, max),

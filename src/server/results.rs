@@ -164,8 +164,8 @@ fn frames(requests: Vec<FrameRequest>) -> Result<Vec<FrameReport>, ApiError> {
 
 /// What a name or a hash stands for: the stored sequence, else the bare name.
 async fn subject(service: &Service, sequence: &str) -> Result<Subject, ApiError> {
-    if let Some(stored) = service.store.sequence(sequence).await? {
-        return Ok(Subject::Sequence(stored.id));
+    if let Some((id, _)) = service.store.sequence_ids(sequence).await? {
+        return Ok(Subject::Sequence(id));
     }
     check_name("sequence", sequence)?;
     if sequence.len() == 64 && sequence.bytes().all(|byte| byte.is_ascii_hexdigit()) {

@@ -3,13 +3,13 @@
 
 use super::{
     GPU_TIME, MetricSummary, StoreError, Timestamp, value,
-    writing::{Memory, Writer},
+    writing::{Memory, Place, Writer},
 };
 use crate::{
     metrics::Value,
     run::report::{FrameReport, TimeSummary},
 };
-use sqlx::{Connection as _, Row as _, SqliteConnection, sqlite::SqlitePool};
+use sqlx::{Connection as _, QueryBuilder, Row as _, SqliteConnection, sqlite::SqlitePool};
 use std::collections::BTreeMap;
 
 /// Tables of 0002 that 0010 no longer needs, children first.
@@ -64,7 +64,12 @@ async fn report(connection: &mut SqliteConnection, memory: &mut Memory, id: i64)
     .fetch_one(&mut *connection)
     .await?;
     let gpu_time_ms: Option<f64> = row.try_get("gpu_time_ms")?;
-    let (series_id, branch_id) = (row.try_get("series_id")?, row.try_get("branch_id")?);
+    let place = Place {
+        series_id: row.try_get("series_id")?,
+        report_id: id,
+        branch_id: row.try_get("branch_id")?,
+        late: false,
+    };
     let now: Timestamp = row.try_get("created_at")?;
     let mut writer = Writer {
         connection,
@@ -76,8 +81,7 @@ async fn report(connection: &mut SqliteConnection, memory: &mut Memory, id: i64)
         .iter()
         .map(|(metric, found)| (metric.as_str(), found.summary.mean, found.version));
     let values = values.chain(gpu_time_ms.map(|ms| (GPU_TIME, Value(ms), 0)));
-    writer.points(series_id, id, branch_id, false, values).await?;
-    writer.end().await
+    writer.points(QueryBuilder::new(""), place, values).await
 }
 
 async fn metrics(connection: &mut SqliteConnection, id: i64) -> Result<BTreeMap<String, MetricSummary>, StoreError> {

@@ -5,10 +5,10 @@
 use super::{
     FrameReport, MetricSummary, NewReport, Store, StoreError, Timestamp, condense,
     reading::read_frames,
-    writing::{Memory, Writer},
+    writing::{Memory, Place, Writer},
 };
 use crate::run::report::TimeSummary;
-use sqlx::{Connection as _, Row as _, SqliteConnection, sqlite::SqlitePool};
+use sqlx::{Connection as _, QueryBuilder, Row as _, SqliteConnection, sqlite::SqlitePool};
 use std::{
     collections::{BTreeMap, HashSet},
     sync::{
@@ -170,7 +170,6 @@ impl Desk {
             };
             results.push(result);
         }
-        self.writer(&mut transaction, now).end().await?;
         transaction.commit().await?;
         Ok(results)
     }
@@ -234,13 +233,18 @@ impl Desk {
         .bind(report_id)
         .fetch_one(&mut *connection)
         .await?;
-        let (series_id, branch_id) = (row.try_get("series_id")?, row.try_get("branch_id")?);
+        let place = Place {
+            series_id: row.try_get("series_id")?,
+            report_id,
+            branch_id: row.try_get("branch_id")?,
+            late: true,
+        };
         let values = metrics
             .iter()
             .map(|(metric, found)| (metric.as_str(), found.summary.mean, found.version));
         let values = values.chain(gpu_time_ms.map(|ms| (super::GPU_TIME, crate::metrics::Value(ms), 0)));
         self.writer(connection, now)
-            .points(series_id, report_id, branch_id, true, values)
+            .points(QueryBuilder::new(""), place, values)
             .await
     }
 }

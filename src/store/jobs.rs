@@ -10,7 +10,7 @@ use crate::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 /// Where a job stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, sqlx::Type)]
@@ -261,17 +261,6 @@ pub struct JobFilter {
     pub limit: u32,
 }
 
-/// A job's row with its sequence's names.
-macro_rules! select_jobs {
-    ($rest:literal) => {
-        concat!(
-            "SELECT jobs.*, coalesce(sequences.hash, '') AS sequence_hash, coalesce(sequences.name, '') AS sequence_name
-             FROM jobs LEFT JOIN sequences ON sequences.id = jobs.sequence_id ",
-            $rest
-        )
-    };
-}
-
 impl Store {
     /// Queues a job and gives its number.
     pub async fn enqueue(&self, job: &NewJob, now: Timestamp) -> Result<i64, StoreError> {
@@ -303,21 +292,35 @@ impl Store {
     }
 
     /// The job with this number.
-    pub async fn job(&self, id: i64) -> Result<Option<Job>, StoreError> {
-        let found = sqlx::query_as(select_jobs!("WHERE jobs.id = ?"))
-            .bind(id)
-            .fetch_optional(&self.readers)
-            .await?;
-        Ok(found)
+    pub async fn job(&self, id: i64) -> Result<Option<Arc<Job>>, StoreError> {
+        Ok(self.jobs_of(&[id]).await?.pop())
     }
 
-    /// Jobs, newest first.
-    pub async fn jobs(&self, filter: &JobFilter) -> Result<Vec<Job>, StoreError> {
-        let found = sqlx::query_as(select_jobs!(
-            "WHERE (?1 IS NULL OR jobs.status = ?1) AND (?2 IS NULL OR sequences.hash = ?2)
+    async fn jobs_of(&self, ids: &[i64]) -> Result<Vec<Arc<Job>>, StoreError> {
+        let load = async |ids: &[i64]| {
+            let rows: Vec<Job> = sqlx::query_as(
+                "SELECT jobs.*, coalesce(sequences.hash, '') AS sequence_hash,
+                        coalesce(sequences.name, '') AS sequence_name
+                 FROM jobs LEFT JOIN sequences ON sequences.id = jobs.sequence_id
+                 WHERE jobs.id IN (SELECT value FROM json_each(?))",
+            )
+            .bind(serde_json::to_string(ids)?)
+            .fetch_all(&self.readers)
+            .await?;
+            Ok(rows.into_iter().map(|job| (job.id, Arc::new(job))).collect())
+        };
+        let found = self.known.jobs.get(ids, |job| job.status.is_final(), load).await?;
+        Ok(ids.iter().filter_map(|id| found.get(id).cloned()).collect())
+    }
+
+    /// Jobs, newest first. Each is as it was when it was read, which is a moment after the list was made.
+    pub async fn jobs(&self, filter: &JobFilter) -> Result<Vec<Arc<Job>>, StoreError> {
+        let ids: Vec<i64> = sqlx::query_scalar(
+            "SELECT jobs.id FROM jobs LEFT JOIN sequences ON sequences.id = jobs.sequence_id
+             WHERE (?1 IS NULL OR jobs.status = ?1) AND (?2 IS NULL OR sequences.hash = ?2)
                AND (?3 IS NULL OR jobs.id < ?3) AND (?5 IS NULL OR jobs.project = ?5)
-             ORDER BY jobs.id DESC LIMIT ?4"
-        ))
+             ORDER BY jobs.id DESC LIMIT +?4",
+        )
         .bind(filter.status)
         .bind(&filter.sequence_hash)
         .bind(filter.before)
@@ -325,7 +328,7 @@ impl Store {
         .bind(&filter.project)
         .fetch_all(&self.readers)
         .await?;
-        Ok(found)
+        self.jobs_of(&ids).await
     }
 
     /// How many jobs wait.

@@ -7,6 +7,7 @@
 //! one transaction. Results measured elsewhere go through [`Ingest`], which commits many at once.
 
 mod bench;
+mod cache;
 mod checks;
 mod columns;
 mod convert;
@@ -47,10 +48,12 @@ pub use trend::{BranchPath, Point, TrendFilter, TrendPoint, downsample};
 pub use verdicts::{Alert, AlertFilter, AlertStatus, Decision, Verdict};
 pub use webhooks::{Delivery, DeliveryStatus, Webhook};
 
+use self::{cache::Cache, trend::Described};
 use crate::run::report::FrameReport;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use std::{
     path::{Path, PathBuf},
+    sync::Arc,
     time::Duration,
 };
 
@@ -111,7 +114,22 @@ pub struct Store {
     writer: SqlitePool,
     readers: SqlitePool,
     ingest: Ingest,
+    known: Arc<Known>,
 }
+
+/// What was read before. Only a sequence's name can change under reports and jobs that have ended, so putting one forgets
+/// them; which job, branch and commit a report is of never changes.
+struct Known {
+    reports: Cache<i64, Arc<Report>>,
+    jobs: Cache<i64, Arc<Job>>,
+    described: Cache<i64, Described>,
+    /// Row id and hash by hash or name.
+    sequences: Cache<String, Option<(i64, String)>>,
+}
+
+/// As many as the longest page of a list; of the small rows that a chart wants, as many as five of its longest lines have.
+const KNOWN_ROWS: usize = 1000;
+const DESCRIBED_ROWS: usize = 20_000;
 
 /// Enough for the pages that one dashboard asks for at once; more would only contend for the same disk.
 const N_READERS: u32 = 4;
@@ -157,6 +175,12 @@ impl Store {
             writer,
             readers,
             ingest,
+            known: Arc::new(Known {
+                reports: Cache::new(KNOWN_ROWS),
+                jobs: Cache::new(KNOWN_ROWS),
+                described: Cache::new(DESCRIBED_ROWS),
+                sequences: Cache::new(KNOWN_ROWS),
+            }),
         })
     }
 

@@ -11,7 +11,7 @@ use crate::{
 use schemars::JsonSchema;
 use serde::Serialize;
 use sqlx::{Encode, FromRow, QueryBuilder, Row, Sqlite, SqliteConnection, Type, sqlite::SqliteRow};
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 /// A stored report without its frames.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -207,48 +207,45 @@ impl FromRow<'_, SqliteRow> for Report {
     }
 }
 
-/// A series with everything that names it.
-macro_rules! select_series {
-    ($columns:literal, $from:literal, $rest:literal) => {
+/// Everything that names a series.
+macro_rules! series_columns {
+    () => {
+        "series.id AS series_id, projects.name AS project, sequences.hash,
+         coalesce(sequences.name, subjects.name) AS name, variants.kind AS variant_kind, variants.preset,
+         variants.history, variants.parameters, variants.overrides, environments.id AS environment_id,
+         environments.os, environments.clocks, adapters.name AS adapter_name, adapters.backend,
+         adapters.kind AS adapter_kind, adapters.driver, adapters.driver_version"
+    };
+}
+
+/// Where that is.
+macro_rules! from_series {
+    ($from:literal) => {
         concat!(
-            "SELECT ",
-            $columns,
-            " series.id AS series_id, projects.name AS project, sequences.hash,
-             coalesce(sequences.name, subjects.name) AS name, variants.kind AS variant_kind, variants.preset,
-             variants.history, variants.parameters, variants.overrides, environments.id AS environment_id,
-             environments.os, environments.clocks, adapters.name AS adapter_name, adapters.backend,
-             adapters.kind AS adapter_kind, adapters.driver, adapters.driver_version FROM ",
+            " FROM ",
             $from,
             " JOIN projects ON projects.id = series.project_id
              JOIN subjects ON subjects.id = series.subject_id
              LEFT JOIN sequences ON sequences.id = subjects.sequence_id
              JOIN variants ON variants.id = series.variant_id
              JOIN environments ON environments.id = series.environment_id
-             JOIN adapters ON adapters.id = environments.adapter_id ",
-            $rest
+             JOIN adapters ON adapters.id = environments.adapter_id "
         )
     };
 }
 
-/// A report with its series and where it came from.
-macro_rules! select_reports {
-    ($rest:literal) => {
-        select_series!(
-            "reports.id, reports.job_id, reports.preset_index, reports.revision, reports.notes, reports.stages_ms,
-             reports.gpu_time_ms, reports.created_at, reports.complete, reports.metrics, reports.times_ms,
-             reports.git_commit, reports.parent_commit, reports.pull_request, reports.engine_version, reports.label,
-             reports.labels,
-             ifnull((SELECT summary FROM validations WHERE report_id = reports.id), 'null') AS validation,
-             branches.name AS git_branch, branches.departed_commit,
-             (SELECT name FROM branches AS parents WHERE parents.id = branches.parent_id) AS parent_branch,",
-            "reports JOIN series ON series.id = reports.series_id LEFT JOIN branches ON branches.id = reports.branch_id",
-            $rest
+/// Reports, their series, and where they came from.
+macro_rules! from_reports {
+    () => {
+        from_series!(
+            "reports JOIN series ON series.id = reports.series_id LEFT JOIN branches ON branches.id = reports.branch_id"
         )
     };
 }
 
 /// Adds a condition where there is a value for it. One that no row can fail would cost as much to check, and SQLite would
-/// compile the statement anew at each call.
+/// compile the statement anew at each call; so it would for a bare number behind `LIMIT`, which it plans by, hence the plus
+/// before each.
 fn narrow<'t, T>(sql: &mut QueryBuilder<Sqlite>, condition: &'static str, value: Option<T>)
 where
     T: Encode<'t, Sqlite> + Type<Sqlite>,
@@ -285,17 +282,36 @@ pub(super) async fn read_frames(
 
 impl Store {
     /// The report with this number.
-    pub async fn report(&self, id: i64) -> Result<Option<Report>, StoreError> {
-        let found = sqlx::query_as(select_reports!("WHERE reports.id = ?"))
-            .bind(id)
-            .fetch_optional(&self.readers)
+    pub async fn report(&self, id: i64) -> Result<Option<Arc<Report>>, StoreError> {
+        Ok(self.reports_of(&[id]).await?.pop())
+    }
+
+    async fn reports_of(&self, ids: &[i64]) -> Result<Vec<Arc<Report>>, StoreError> {
+        let load = async |ids: &[i64]| {
+            let rows: Vec<Report> = sqlx::query_as(concat!(
+                "SELECT reports.id, reports.job_id, reports.preset_index, reports.revision, reports.notes,
+                 reports.stages_ms, reports.gpu_time_ms, reports.created_at, reports.complete, reports.metrics,
+                 reports.times_ms, reports.git_commit, reports.parent_commit, reports.pull_request,
+                 reports.engine_version, reports.label, reports.labels,
+                 ifnull((SELECT summary FROM validations WHERE report_id = reports.id), 'null') AS validation,
+                 branches.name AS git_branch, branches.departed_commit,
+                 (SELECT name FROM branches AS parents WHERE parents.id = branches.parent_id) AS parent_branch, ",
+                series_columns!(),
+                from_reports!(),
+                "WHERE reports.id IN (SELECT value FROM json_each(?))"
+            ))
+            .bind(serde_json::to_string(ids)?)
+            .fetch_all(&self.readers)
             .await?;
-        Ok(found)
+            Ok(rows.into_iter().map(|report| (report.id, Arc::new(report))).collect())
+        };
+        let found = self.known.reports.get(ids, |report| report.complete, load).await?;
+        Ok(ids.iter().filter_map(|id| found.get(id).cloned()).collect())
     }
 
     /// Complete reports, newest first; of one job, in the order of its presets.
-    pub async fn reports(&self, filter: &ReportFilter) -> Result<Vec<Report>, StoreError> {
-        let mut sql = QueryBuilder::new(select_reports!("WHERE reports.complete"));
+    pub async fn reports(&self, filter: &ReportFilter) -> Result<Vec<Arc<Report>>, StoreError> {
+        let mut sql = QueryBuilder::new(concat!("SELECT reports.id", from_reports!(), "WHERE reports.complete"));
         narrow(&mut sql, "reports.job_id = ", filter.job_id);
         narrow(&mut sql, "reports.series_id = ", filter.series_id);
         narrow(&mut sql, "reports.git_commit = ", filter.commit.as_ref());
@@ -313,11 +329,12 @@ impl Store {
         narrow(&mut sql, "+variants.preset = ", filter.preset.as_ref());
         narrow(&mut sql, "+branches.name = ", filter.branch.as_ref());
         sql.push(match filter.job_id {
-            Some(_) => " ORDER BY reports.preset_index LIMIT ",
-            None => " ORDER BY reports.id DESC LIMIT ",
+            Some(_) => " ORDER BY reports.preset_index LIMIT +",
+            None => " ORDER BY reports.id DESC LIMIT +",
         });
         sql.push_bind(filter.limit);
-        Ok(sql.build_query_as().fetch_all(&self.readers).await?)
+        let ids: Vec<i64> = sql.build_query_scalar().fetch_all(&self.readers).await?;
+        self.reports_of(&ids).await
     }
 
     /// How far the adapter was from the twin in a report, with every frame; none where that was not asked.
@@ -344,9 +361,10 @@ impl Store {
 
     /// The series that have complete reports, by sequence, preset and environment.
     pub async fn series(&self, filter: &SeriesFilter) -> Result<Vec<Series>, StoreError> {
-        let mut sql = QueryBuilder::new(select_series!(
-            "",
-            "series",
+        let mut sql = QueryBuilder::new(concat!(
+            "SELECT ",
+            series_columns!(),
+            from_series!("series"),
             "WHERE series.latest_report_id IS NOT NULL"
         ));
         narrow(&mut sql, "series.id = ", filter.id);

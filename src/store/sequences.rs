@@ -6,6 +6,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
 
+/// Names that are asked for are kept up to this length, which is the longest that a sequence can have.
+const MAX_KEPT_NAME: usize = 100;
+
 /// A sequence whose files already lie in the data folder.
 #[derive(Clone, Debug)]
 pub struct NewSequence {
@@ -98,7 +101,28 @@ impl Store {
         .fetch_one(&mut *transaction)
         .await?;
         transaction.commit().await?;
+        self.known.reports.clear();
+        self.known.jobs.clear();
+        self.known.sequences.clear();
         Ok((stored, known.is_none()))
+    }
+
+    /// Row id and hash of the sequence with this hash, else of the one last put under this name.
+    pub async fn sequence_ids(&self, hash_or_name: &str) -> Result<Option<(i64, String)>, StoreError> {
+        let load = async |names: &[String]| {
+            let found: Option<(i64, String)> = sqlx::query_as(
+                "SELECT id, hash FROM sequences WHERE hash = ?1 OR name = ?1
+                 ORDER BY hash = ?1 DESC, put_at DESC, id DESC LIMIT 1",
+            )
+            .bind(&names[0])
+            .fetch_optional(&self.readers)
+            .await?;
+            Ok(vec![(names[0].clone(), found)])
+        };
+        let key = [hash_or_name.to_owned()];
+        let is_short = |_: &_| hash_or_name.len() <= MAX_KEPT_NAME;
+        let mut found = self.known.sequences.get(&key, is_short, load).await?;
+        Ok(found.remove(hash_or_name).flatten())
     }
 
     /// The sequence with this hash, else the one last put under this name.
@@ -118,7 +142,7 @@ impl Store {
         let found = sqlx::query_as(
             "SELECT id, hash, name, 'null' AS manifest, render_width, render_height, output_width, output_height,
                     n_frames, n_bytes, put_at
-             FROM sequences WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2",
+             FROM sequences WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT +?2",
         )
         .bind(before)
         .bind(limit)

@@ -90,7 +90,7 @@ impl Store {
     /// Matrices, newest job first, of jobs with a smaller number than `before`.
     pub async fn stress_runs(&self, before: Option<i64>, limit: u32) -> Result<Vec<StressRun>, StoreError> {
         let found = sqlx::query_as(select_runs!(
-            "WHERE ?1 IS NULL OR stress_reports.job_id < ?1 ORDER BY stress_reports.job_id DESC LIMIT ?2"
+            "WHERE ?1 IS NULL OR stress_reports.job_id < ?1 ORDER BY stress_reports.job_id DESC LIMIT +?2"
         ))
         .bind(before)
         .bind(limit)

@@ -6,13 +6,12 @@ use crate::metrics::Value;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sqlx::{Row, SqliteConnection, sqlite::SqliteRow};
-use std::collections::HashMap;
 
 /// How many blocks are read in one go: 16 000 points.
 const BLOCKS_AT_ONCE: i64 = 256;
 
 /// Job, branch and commit of a report.
-type Described = (Option<i64>, Option<String>, Option<String>);
+pub(super) type Described = (Option<i64>, Option<String>, Option<String>);
 
 /// A point as verdicts and charts walk it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,7 +125,7 @@ pub(super) async fn loose(
     let rows = sqlx::query(concat!(
         "SELECT report_id, branch_id, created_at, value, version ",
         loose_points!(),
-        " ORDER BY report_id DESC LIMIT ?3"
+        " ORDER BY report_id DESC LIMIT +?3"
     ))
     .bind(series_id)
     .bind(metric)
@@ -164,7 +163,7 @@ async fn older(
         let blocks: Vec<(i64, Vec<u8>)> = sqlx::query_as(
             "SELECT last_report_id, data FROM point_blocks
              WHERE series_id = ? AND metric_id = (SELECT id FROM metrics WHERE name = ?) AND last_report_id < ?
-             ORDER BY last_report_id DESC LIMIT ?",
+             ORDER BY last_report_id DESC LIMIT +?",
         )
         .bind(series_id)
         .bind(metric)
@@ -252,21 +251,23 @@ impl Store {
     /// What a reader of a chart wants to know of its points.
     pub async fn describe(&self, points: &[TrendPoint]) -> Result<Vec<Point>, StoreError> {
         let ids: Vec<i64> = points.iter().map(|point| point.report_id).collect();
-        // One row of JSON: thousands of rows would each wait for the database's thread.
-        let rows: String = sqlx::query_scalar(
-            "SELECT json_group_array(json_array(reports.id, json_array(job_id, branches.name, git_commit)))
-             FROM json_each(?) AS wanted CROSS JOIN reports ON reports.id = wanted.value
-             LEFT JOIN branches ON branches.id = branch_id",
-        )
-        .bind(serde_json::to_string(&ids)?)
-        .fetch_one(&self.readers)
-        .await?;
-        let rows: Vec<(i64, Described)> = serde_json::from_str(&rows)?;
-        let mut known: HashMap<_, _> = rows.into_iter().collect();
+        let load = async |ids: &[i64]| {
+            // One row of JSON: thousands of rows would each wait for the database's thread.
+            let rows: String = sqlx::query_scalar(
+                "SELECT json_group_array(json_array(reports.id, json_array(job_id, branches.name, git_commit)))
+                 FROM json_each(?) AS wanted CROSS JOIN reports ON reports.id = wanted.value
+                 LEFT JOIN branches ON branches.id = branch_id",
+            )
+            .bind(serde_json::to_string(ids)?)
+            .fetch_one(&self.readers)
+            .await?;
+            Ok(serde_json::from_str(&rows)?)
+        };
+        let mut described = self.known.described.get(&ids, |_| true, load).await?;
         Ok(points
             .iter()
             .map(|point| {
-                let (job_id, branch, commit) = known.remove(&point.report_id).unwrap_or_default();
+                let (job_id, branch, commit) = described.remove(&point.report_id).unwrap_or_default();
                 Point {
                     report_id: point.report_id,
                     job_id,

@@ -251,7 +251,7 @@ impl Store {
     ) -> Result<Vec<Decision>, StoreError> {
         let found = sqlx::query_as(
             "SELECT * FROM decisions WHERE (?1 IS NULL OR series_id = ?1) AND (?2 IS NULL OR report_id = ?2)
-               AND (?3 IS NULL OR id < ?3) ORDER BY id DESC LIMIT ?4",
+               AND (?3 IS NULL OR id < ?3) ORDER BY id DESC LIMIT +?4",
         )
         .bind(series_id)
         .bind(report_id)
@@ -352,7 +352,7 @@ impl Store {
              WHERE (?1 IS NULL OR projects.name = ?1) AND (?2 IS NULL OR status = ?2) AND (?3 IS NULL OR branch = ?3)
                AND (?4 IS NULL OR alerts.id = ?4) AND (?5 IS NULL OR alerts.id < ?5)
                AND (?6 IS NULL OR alerts.report_id >= ?6)
-             ORDER BY alerts.id DESC LIMIT ?7",
+             ORDER BY alerts.id DESC LIMIT +?7",
         )
         .bind(&filter.project)
         .bind(filter.status)

@@ -19,8 +19,8 @@ use std::collections::{HashMap, HashSet};
 /// and a row costs it as much as a block.
 pub(super) const BLOCK: u32 = 64;
 
-/// How many rows one statement inserts: SQLite takes 32 766 values, and each number of rows is a statement to keep.
-const ROWS_AT_ONCE: usize = 32;
+/// How many points one statement inserts: SQLite takes 32 766 values.
+const ROWS_AT_ONCE: usize = 1000;
 
 /// More of anything than this, and the memory starts anew.
 const MAX_REMEMBERED: usize = 20_000;
@@ -35,20 +35,25 @@ pub(super) struct Memory {
     series: HashMap<String, i64>,
     /// Points of a line and metric that are in no block yet.
     loose: HashMap<(i64, i64), u32>,
-    /// The newest report of each line, to be noted when the transaction ends.
-    latest: HashMap<i64, i64>,
+    last_report: Option<i64>,
 }
 
 impl Memory {
     fn bound(&mut self) {
         let n = self.branches.len() + self.layouts.len() + self.series.len() + self.loose.len() + self.metrics.len();
         if n > MAX_REMEMBERED {
-            *self = Self {
-                latest: std::mem::take(&mut self.latest),
-                ..Self::default()
-            };
+            *self = Self::default();
         }
     }
+}
+
+/// Where a report's points belong.
+pub(super) struct Place {
+    pub series_id: i64,
+    pub report_id: i64,
+    pub branch_id: Option<i64>,
+    /// Reports with higher numbers may have been before.
+    pub late: bool,
 }
 
 /// Writes reports within one transaction.
@@ -79,50 +84,87 @@ impl Writer<'_> {
         let project_id = self.project(&report.project).await?;
         let branch_id = self.branch(project_id, &report.provenance).await?;
         let series_id = self.series(project_id, report).await?;
-        let origin = &report.provenance;
-        let report_id: i64 = sqlx::query_scalar(
-            "INSERT INTO reports (job_id, preset_index, series_id, branch_id, git_commit, parent_commit, pull_request,
+        let report_id = self.next_report().await?;
+        // The report and its rows in one go, because each statement costs a turn of the connection's thread.
+        let mut sql = QueryBuilder::new(
+            "INSERT INTO reports (id, job_id, preset_index, series_id, branch_id, git_commit, parent_commit, pull_request,
                                   engine_version, label, labels, revision, notes, stages_ms, metrics, times_ms,
-                                  gpu_time_ms, complete, created_at)
-             VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id",
-        )
-        .bind(report.job.map(|(job_id, _)| job_id))
-        .bind(report.job.map_or(0, |(_, index)| index as i64))
-        .bind(series_id)
-        .bind(branch_id)
-        .bind(&origin.commit)
-        .bind(&origin.parent)
-        .bind(&origin.pull_request)
-        .bind(&origin.engine_version)
-        .bind(&origin.label)
-        .bind(serde_json::to_string(&origin.labels)?)
-        .bind(&report.revision)
-        .bind(serde_json::to_string(&report.notes)?)
-        .bind(serde_json::to_string(&report.stages_ms)?)
-        .bind(serde_json::to_string(&report.metrics)?)
-        .bind(serde_json::to_string(&report.times_ms)?)
-        .bind(report.gpu_time_ms())
-        .bind(report.complete)
-        .bind(self.now)
-        .fetch_one(&mut *self.connection)
-        .await?;
-        self.frames(report_id, &report.frames).await?;
-        if let Some(validation) = &report.validation {
-            self.validation(report_id, validation).await?;
-        }
+                                  gpu_time_ms, complete, created_at) VALUES (",
+        );
+        let origin = &report.provenance;
+        let mut row = sql.separated(", ");
+        row.push_bind(report_id)
+            .push_bind(report.job.map(|(job_id, _)| job_id))
+            .push_bind(report.job.map_or(0, |(_, index)| index as i64))
+            .push_bind(series_id)
+            .push_bind(branch_id)
+            .push_bind(&origin.commit)
+            .push_bind(&origin.parent)
+            .push_bind(&origin.pull_request)
+            .push_bind(&origin.engine_version)
+            .push_bind(&origin.label)
+            .push_bind(serde_json::to_string(&origin.labels)?)
+            .push_bind(&report.revision)
+            .push_bind(serde_json::to_string(&report.notes)?)
+            .push_bind(serde_json::to_string(&report.stages_ms)?)
+            .push_bind(serde_json::to_string(&report.metrics)?)
+            .push_bind(serde_json::to_string(&report.times_ms)?)
+            .push_bind(report.gpu_time_ms())
+            .push_bind(report.complete)
+            .push_bind(self.now);
+        sql.push("); ");
+        self.push_frames(&mut sql, report_id, &report.frames).await?;
         if report.complete {
             let values = report.metrics.iter().map(|(metric, found)| {
                 let value = found.summary.mean;
                 (metric.as_str(), value, found.version)
             });
             let values = values.chain(report.gpu_time_ms().map(|ms| (GPU_TIME, Value(ms), 0)));
-            self.points(series_id, report_id, branch_id, false, values).await?;
+            let place = Place {
+                series_id,
+                report_id,
+                branch_id,
+                late: false,
+            };
+            self.points(sql, place, values).await?;
+        } else {
+            sql.build().execute(&mut *self.connection).await?;
+        }
+        if let Some(validation) = &report.validation {
+            self.validation(report_id, validation).await?;
         }
         Ok(report_id)
     }
 
+    /// The number of the report that is written next; there is no other writer.
+    async fn next_report(&mut self) -> Result<i64, StoreError> {
+        let id = match self.memory.last_report {
+            Some(last) => last + 1,
+            None => {
+                sqlx::query_scalar("SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'reports'), 0) + 1")
+                    .fetch_one(&mut *self.connection)
+                    .await?
+            }
+        };
+        self.memory.last_report = Some(id);
+        Ok(id)
+    }
+
     /// Adds frames to a report.
     pub async fn frames(&mut self, report_id: i64, frames: &[FrameReport]) -> Result<(), StoreError> {
+        let mut sql = QueryBuilder::new("");
+        self.push_frames(&mut sql, report_id, frames).await?;
+        sql.build().execute(&mut *self.connection).await?;
+        Ok(())
+    }
+
+    /// Frames as one chunk, as a statement behind others.
+    async fn push_frames(
+        &mut self,
+        sql: &mut QueryBuilder<Sqlite>,
+        report_id: i64,
+        frames: &[FrameReport],
+    ) -> Result<(), StoreError> {
         if frames.is_empty() {
             return Ok(());
         }
@@ -132,13 +174,12 @@ impl Writer<'_> {
         }
         let layout = Layout::of(frames);
         let data = layout.pack(frames);
-        let layout_id = self.layout(layout).await?;
-        sqlx::query("INSERT INTO frame_chunks (report_id, layout_id, data) VALUES (?, ?, ?)")
-            .bind(report_id)
-            .bind(layout_id)
-            .bind(data)
-            .execute(&mut *self.connection)
-            .await?;
+        sql.push("INSERT INTO frame_chunks (report_id, layout_id, data) VALUES (");
+        sql.separated(", ")
+            .push_bind(report_id)
+            .push_bind(self.layout(layout).await?)
+            .push_bind(data);
+        sql.push("); ");
         Ok(())
     }
 
@@ -155,15 +196,19 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// The numbers that stand for a complete report; `late` where reports with higher numbers may have been before.
+    /// The numbers that stand for a complete report, written behind the statements that are in `sql` already.
     pub async fn points(
         &mut self,
-        series_id: i64,
-        report_id: i64,
-        branch_id: Option<i64>,
-        late: bool,
+        mut sql: QueryBuilder<Sqlite>,
+        place: Place,
         values: impl Iterator<Item = (&str, Value, u32)>,
     ) -> Result<(), StoreError> {
+        let Place {
+            series_id,
+            report_id,
+            branch_id,
+            late,
+        } = place;
         let mut points = Vec::new();
         for (metric, value, metric_version) in values {
             let point = TrendPoint {
@@ -175,27 +220,39 @@ impl Writer<'_> {
             };
             points.push((metric, self.metric(metric).await?, point));
         }
-        for some in points.chunks(ROWS_AT_ONCE) {
-            let mut insert = QueryBuilder::<Sqlite>::new(
-                "INSERT INTO points (series_id, metric_id, report_id, branch_id, created_at, version, value) ",
-            );
-            insert.push_values(some, |mut row, (_, metric_id, point)| {
-                row.push_bind(series_id)
-                    .push_bind(*metric_id)
-                    .push_bind(point.report_id)
-                    .push_bind(point.branch_id)
-                    .push_bind(point.created_at)
-                    .push_bind(point.metric_version)
-                    .push_bind(Some(point.value.0).filter(|value| !value.is_nan()));
-            });
-            insert.build().execute(&mut *self.connection).await?;
+        sql.push("UPDATE series SET latest_report_id = max(ifnull(latest_report_id, 0), ")
+            .push_bind(report_id)
+            .push(") WHERE id = ")
+            .push_bind(series_id)
+            .push("; ");
+        let mut rest = points.as_slice();
+        loop {
+            let (some, others) = rest.split_at(rest.len().min(ROWS_AT_ONCE));
+            if !some.is_empty() {
+                sql.push(
+                    "INSERT INTO points (series_id, metric_id, report_id, branch_id, created_at, version, value) ",
+                );
+                sql.push_values(some, |mut row, (_, metric_id, point)| {
+                    row.push_bind(series_id)
+                        .push_bind(*metric_id)
+                        .push_bind(point.report_id)
+                        .push_bind(point.branch_id)
+                        .push_bind(point.created_at)
+                        .push_bind(point.metric_version)
+                        .push_bind(Some(point.value.0).filter(|value| !value.is_nan()));
+                });
+            }
+            sql.build().execute(&mut *self.connection).await?;
+            if others.is_empty() {
+                break;
+            }
+            (rest, sql) = (others, QueryBuilder::new(""));
         }
         for (metric, metric_id, point) in points {
             if !(late && self.late_point(series_id, metric_id, point).await?) {
                 self.count(series_id, metric, metric_id).await?;
             }
         }
-        self.memory.latest.insert(series_id, report_id);
         Ok(())
     }
 
@@ -250,18 +307,6 @@ impl Writer<'_> {
             .bind(columns::pack_points(&points))
             .execute(&mut *self.connection)
             .await?;
-        Ok(())
-    }
-
-    /// Notes the newest report of each line; the last thing in a transaction.
-    pub async fn end(&mut self) -> Result<(), StoreError> {
-        for (series_id, report_id) in std::mem::take(&mut self.memory.latest) {
-            sqlx::query("UPDATE series SET latest_report_id = max(?1, ifnull(latest_report_id, 0)) WHERE id = ?2")
-                .bind(report_id)
-                .bind(series_id)
-                .execute(&mut *self.connection)
-                .await?;
-        }
         Ok(())
     }
 
@@ -468,7 +513,6 @@ impl Store {
         for index in 0..report.reports.len() {
             ids.push(writer.report(&of_job(claim, report, index, environment)?).await?);
         }
-        writer.end().await?;
         // The ingest counts loose points on its own and must not miss these; said while the connection is still ours.
         self.ingest.forget();
         transaction.commit().await?;

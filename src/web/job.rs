@@ -15,7 +15,10 @@ use crate::{
 use axum::{extract::State, response::Html};
 use maud::{Markup, html};
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 /// More presets than a job may have.
 const MAX_REPORTS: u32 = 1000;
@@ -48,7 +51,7 @@ struct ReportData {
 
 /// A finished job's numbers.
 struct Results {
-    reports: Vec<Report>,
+    reports: Vec<Arc<Report>>,
     /// Of each report.
     frames: Vec<Vec<FrameReport>>,
     metrics: BTreeSet<String>,
@@ -147,7 +150,7 @@ fn standing(job: &Job) -> Markup {
 
 impl Results {
     fn data<'a>(&'a self, job: &Job) -> Data<'a> {
-        let report = |report: &Report| ReportData {
+        let report = |report: &Arc<Report>| ReportData {
             id: report.id,
             name: parts::recipe(&report.series),
         };
@@ -211,7 +214,7 @@ impl Results {
     }
 
     fn summary(&self) -> Markup {
-        let best = |metric: &str| parts::best(metric, self.reports.iter());
+        let best = |metric: &str| parts::best(metric, self.reports.iter().map(Arc::as_ref));
         html! {
             div.scroll { table {
                 thead { tr {

@@ -112,7 +112,7 @@ pub async fn page(State(service): Shared, RawQuery(query): RawQuery) -> Result<H
         Some(job) => Kind::of(&job.spec),
         None => asked.unwrap_or(Kind::Run),
     };
-    let mut body = from.as_ref().map_or_else(|| kind.blank(), request);
+    let mut body = from.as_deref().map_or_else(|| kind.blank(), request);
     if let (Some(sequence), Some(body)) = (query.one("sequence"), body.as_object_mut()) {
         body.insert("sequence".to_owned(), sequence.into());
     }

@@ -20,7 +20,10 @@ use axum::{
 };
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use maud::{Markup, html};
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 /// Metrics of the grid of a sequence's page, and the first choice here.
 const COLUMNS: [&str; 2] = ["psnr", "ssim"];
@@ -32,7 +35,7 @@ const AT_ONCE: usize = 8;
 
 /// A row of a sequence's grid.
 pub struct Row {
-    report: Report,
+    report: Arc<Report>,
     history: Vec<Point>,
 }
 
@@ -304,7 +307,7 @@ async fn recent_jobs(service: &Service) -> Result<Markup, PageError> {
 
 /// A sequence's reports, a row a recipe; the best value of each column in bold.
 pub fn grid(rows: &[Row], now: Timestamp) -> Markup {
-    let reports = || rows.iter().map(|row| &row.report);
+    let reports = || rows.iter().map(|row| &*row.report);
     let best = COLUMNS.map(|metric| parts::best(metric, reports()));
     html! {
         div.scroll { table {

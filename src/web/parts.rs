@@ -7,7 +7,7 @@ use crate::{
     taa::Precision,
 };
 use maud::{Markup, html};
-use std::fmt::Write as _;
+use std::{fmt::Write as _, sync::Arc};
 
 /// A series' recipe in words: preset, what was changed of it, and the history if it is not the usual one.
 pub fn recipe(series: &Series) -> String {
@@ -136,7 +136,7 @@ pub fn subject(job: &Job) -> Markup {
 }
 
 /// Jobs, a row each. One that waits or runs can be followed and cancelled, any other one run again.
-pub fn job_table(jobs: &[Job], now: Timestamp) -> Markup {
+pub fn job_table(jobs: &[Arc<Job>], now: Timestamp) -> Markup {
     html! {
         div.scroll { table.jobs {
             thead { tr {

@@ -21,7 +21,7 @@ use axum::{
 };
 use maud::{Markup, html};
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, sync::Arc};
 
 /// Charts that are shown unless others are asked for.
 const MAX_CHARTS: usize = 6;
@@ -54,7 +54,7 @@ struct MetricData<'a> {
 }
 
 /// The report that a path or a query names.
-pub async fn find(service: &Service, id: i64) -> Result<Report, PageError> {
+pub async fn find(service: &Service, id: i64) -> Result<Arc<Report>, PageError> {
     let found = service.store.report(id).await?;
     Ok(found.ok_or_else(|| ApiError::not_found(format!("there is no report {id}")))?)
 }
@@ -140,7 +140,7 @@ pub async fn page(
     let standings = Standings::load(&service, &report.series.project, None).await?;
     let view = View {
         report: &report,
-        other: other.as_ref(),
+        other: other.as_deref(),
         frames: &frames,
         metric: metric.as_deref(),
         viewer: viewer.as_deref(),

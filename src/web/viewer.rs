@@ -21,6 +21,7 @@ use axum::{
 };
 use maud::{Markup, html};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Narrower than a column of the page, in pixels.
 const MAX_SMALL_WIDTH: u32 = 320;
@@ -48,12 +49,12 @@ struct ImageData {
 
 /// What is looked at.
 struct View {
-    report: Report,
-    other: Option<Report>,
+    report: Arc<Report>,
+    other: Option<Arc<Report>>,
     /// Of the same job, to change to or to lay beside.
-    siblings: Vec<Report>,
+    siblings: Vec<Arc<Report>>,
     /// Older ones of the same line.
-    earlier: Vec<Report>,
+    earlier: Vec<Arc<Report>>,
     frame: usize,
     n_frames: usize,
     has_reference: bool,
@@ -139,7 +140,7 @@ pub async fn page(
     Ok(page.render(&service))
 }
 
-async fn reports(service: &Service, narrow: impl FnOnce(&mut ReportFilter)) -> Result<Vec<Report>, PageError> {
+async fn reports(service: &Service, narrow: impl FnOnce(&mut ReportFilter)) -> Result<Vec<Arc<Report>>, PageError> {
     let mut filter = ReportFilter {
         limit: MAX_OTHERS,
         ..ReportFilter::default()
@@ -347,8 +348,8 @@ impl View {
 
     /// Other recipes of the job, and earlier results of the same line.
     fn beside(&self) -> Markup {
-        let others = |title: &str, reports: &[Report], commit: bool| {
-            let others: Vec<&Report> = reports.iter().filter(|other| other.id != self.report.id).collect();
+        let others = |title: &str, reports: &[Arc<Report>], commit: bool| {
+            let others: Vec<&Arc<Report>> = reports.iter().filter(|other| other.id != self.report.id).collect();
             html! { @if !others.is_empty() {
                 h2 { (title) }
                 ul.others { @for other in others {

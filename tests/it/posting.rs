@@ -142,6 +142,24 @@ fn a_name_means_the_stored_sequence_where_there_is_one() {
     let trends = trends.into_body().read_to_string().unwrap();
     let shows = |posted: &Value| trends.contains(&format!("href=\"/reports/{}\"", posted["id"]));
     assert_eq!([&before, &posted, &unknown].map(shows), [true, true, false]);
+    // Another name for the same content shows in what was read before.
+    let job = client.post_job(&json!({"sequence": "pan", "presets": ["ema"]})).json()["id"].to_string();
+    assert_eq!(client.send("DELETE", &format!("/jobs/{job}"), &[], b"").status, 200);
+    let names = || {
+        let name = |path: String, list: &str| client.get(&path).json().pointer(list).cloned();
+        [
+            name(format!("/reports/{}", posted["id"]), "/sequence_name"),
+            name("/reports?sequence=pan&limit=1".to_owned(), "/reports/0/sequence_name"),
+            name(format!("/jobs/{job}"), "/sequence_name"),
+            name("/jobs?limit=1".to_owned(), "/jobs/0/sequence_name"),
+        ]
+    };
+    assert_eq!(names(), [(); 4].map(|()| Some(json!("pan"))));
+    assert_eq!(client.put("panorama", &packed("pan")).status, 200);
+    let [one, by_old_name, of_job, newest_job] = names();
+    assert_eq!([one, of_job, newest_job], [(); 3].map(|()| Some(json!("panorama"))));
+    // The old name is again that of the report that came before there was any content.
+    assert_eq!(by_old_name, Some(json!("pan")));
 }
 
 #[test]

@@ -182,7 +182,7 @@ async fn a_crash_gives_the_job_back_and_a_bounded_number_of_times() {
     let store = Store::open(&database(folder.path())).await.unwrap();
     let failed = store.job(id).await.unwrap().unwrap();
     assert_eq!(failed.status, Status::Failed);
-    let error = failed.error.unwrap();
+    let error = failed.error.as_ref().unwrap();
     assert_eq!(
         (error.kind, error.code.as_str()),
         (FailureKind::Internal, "interrupted")
@@ -244,7 +244,15 @@ async fn only_device_failures_are_tried_again() {
         let claim = claimed(&store, sequence_id, &["ema"]).await;
         assert_eq!(store.fail(&claim, &failure(kind), T0).await.unwrap(), Status::Failed);
         assert_eq!(
-            store.job(claim.job_id).await.unwrap().unwrap().error.unwrap().kind,
+            store
+                .job(claim.job_id)
+                .await
+                .unwrap()
+                .unwrap()
+                .error
+                .as_ref()
+                .unwrap()
+                .kind,
             kind
         );
     }
