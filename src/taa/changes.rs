@@ -141,6 +141,13 @@ impl Changes {
         without.map(move |(index, _)| [index % across, index / across].map(|at| at as u32))
     }
 
+    /// The share of tiles that have all of one of the combinations of flags `wanted`.
+    pub fn share_with(&self, wanted: [u32; 2]) -> f64 {
+        let has = |flags: u32| wanted.iter().any(|wanted| flags & wanted == *wanted);
+        let n_with = self.tiles.iter().filter(|flags| has(**flags)).count();
+        n_with as f64 / self.tiles.len() as f64
+    }
+
     /// Whether the whole frame repeats the one before.
     pub fn is_repeat(&self) -> bool {
         self.cells.iter().all(|cell| cell & flag::SAME != 0)

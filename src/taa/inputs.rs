@@ -7,7 +7,7 @@ use super::{
     fault::planted,
     merge::Merge,
     recipe::{Guards, InputFilter},
-    recorder::{Recorder, Repeat},
+    recorder::{Cover, Recorder, Repeat, TiledPass},
     tiles::{self, List},
 };
 use crate::{
@@ -70,6 +70,8 @@ pub struct Repetition<'a> {
     pub flags: &'a wgpu::Buffer,
     /// And their regions.
     pub regions: &'a wgpu::Buffer,
+    /// The same on the host.
+    pub changes: &'a Changes,
     /// Both frames have history, and all else that passes are told of a frame is the same, jitter aside.
     pub keeps: bool,
     /// Jitter, too.
@@ -88,9 +90,8 @@ pub struct View<'a> {
 /// A colour in a working domain.
 #[derive(Debug)]
 struct Prepared {
-    every_pixel: Pass,
-    /// The same over listed tiles, where changes are tracked.
-    listed: Option<Pass>,
+    /// Over the tiles that changed, where changes are tracked.
+    pass: TiledPass,
     color: Texture,
     repaired_texels: wgpu::Buffer,
 }
@@ -289,29 +290,19 @@ impl Inputs {
             let merge = merge.dispatch(recorder.gpu, &self.color, &self.motion, self.depth.current())?;
             recorder.record(&merge)?;
         }
-        let changed = self.tracked.as_ref().map(|tracked| &tracked.changed);
-        let is_worth_listing = self.changed_share() < WORTH_LISTING;
+        let changed = self.tracked.as_ref().map(|tracked| Cover {
+            list: &tracked.changed,
+            is_worth_listing: tracked.changed_share < WORTH_LISTING,
+        });
         for (preparation, prepared) in &self.prepared {
-            let listed = prepared
-                .listed
-                .as_ref()
-                .zip(changed)
-                .map(|(pass, list)| (pass, Some(list)));
-            let every_pixel = (&prepared.every_pixel, None);
-            let warms_up = matches!(recorder.repeat, Repeat::WarmUp);
-            let chosen = [
-                listed.filter(|_| warms_up || is_worth_listing),
-                Some(every_pixel).filter(|_| warms_up || !is_worth_listing),
-            ];
-            for (pass, list) in chosen.into_iter().flatten() {
-                let bound = pass
-                    .bind("input_color", self.color_of(preparation.source))
+            let counters = [&prepared.repaired_texels];
+            recorder.record_tiled(&prepared.pass, changed, self.sizes.render, &counters, |pass| {
+                pass.bind("input_color", self.color_of(preparation.source))
                     .bind("input_albedo", &self.albedo)
                     .bind("color", &prepared.color)
                     .bind("repaired_texels", &prepared.repaired_texels)
-                    .uniform("display", &self.display_fields());
-                recorder.record_tiled(bound, list, self.sizes.render, &[&prepared.repaired_texels])?;
-            }
+                    .uniform("display", &self.display_fields())
+            })?;
         }
         Ok(())
     }
@@ -366,6 +357,7 @@ impl<'a> View<'a> {
         Repetition {
             flags: &tracked.flags,
             regions: &tracked.regions,
+            changes: &tracked.changes,
             keeps: tracked.keeps,
             keeps_jitter: tracked.keeps_jitter,
         }
@@ -490,11 +482,12 @@ impl Prepared {
             let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
             Pass::new(gpu, "prepare", &sources, &overrides)
         };
-        let every_pixel = pass(tiles::EVERY_PIXEL)?;
-        let listed = tracks.then(|| pass(tiles::LISTED)).transpose()?;
+        let pass = TiledPass {
+            every_pixel: pass(tiles::EVERY_PIXEL)?,
+            listed: tracks.then(|| pass(tiles::LISTED)).transpose()?,
+        };
         gpu.scope("making room for a colour", || Self {
-            every_pixel,
-            listed,
+            pass,
             color: Texture::new(gpu, "prepared color", extent, TextureFormat::Rgba32Float),
             repaired_texels: gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("repaired texels"),

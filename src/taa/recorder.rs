@@ -2,7 +2,7 @@
 
 use super::tiles::List;
 use crate::{
-    gpu::{Dispatch, Gpu, GpuError, Invocation, Kept, Timer},
+    gpu::{Dispatch, Gpu, GpuError, Invocation, Kept, Pass, Timer},
     image::Extent,
 };
 
@@ -13,6 +13,21 @@ pub enum Repeat {
     WarmUp,
     /// In full so many times, each timed.
     Timed(u32),
+}
+
+/// A pass that may leave out tiles: over every pixel, and over the tiles of a list where there is ever one.
+#[derive(Debug)]
+pub(super) struct TiledPass {
+    pub every_pixel: Pass,
+    pub listed: Option<Pass>,
+}
+
+/// Which tiles of a frame a pass must run over.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cover<'a> {
+    pub list: &'a List,
+    /// Or whether running over every pixel is faster than reading the list.
+    pub is_worth_listing: bool,
 }
 
 /// Sees every pass as soon as it is recorded, before the next one is.
@@ -91,18 +106,37 @@ impl Recorder<'_> {
         self.record_counting(dispatch, &[])
     }
 
-    /// Records a pass over the tiles of a list, or over every pixel where there is none: as it was compiled.
-    pub(super) fn record_tiled(
+    /// Records a pass over listed tiles where that is worth it, otherwise over every pixel; to warm up, over both. `bind` is
+    /// called for each pass that is recorded.
+    pub(super) fn record_tiled<'p>(
         &mut self,
-        pass: Invocation<'_>,
-        list: Option<&List>,
+        pass: &'p TiledPass,
+        cover: Option<Cover<'p>>,
         extent: Extent,
         counters: &[&wgpu::Buffer],
+        bind: impl Fn(&'p Pass) -> Invocation<'p>,
     ) -> Result<(), GpuError> {
-        let dispatch = match list {
-            None => pass.over(self.gpu, extent)?,
-            Some(list) => pass.bind("tile_list", list.words()).indirect(self.gpu, list.words())?,
-        };
+        let listed = pass.listed.as_ref().zip(cover);
+        let is_worth_listing = cover.is_some_and(|cover| cover.is_worth_listing);
+        let warms_up = matches!(self.repeat, Repeat::WarmUp);
+        if let Some((listed, cover)) = listed.filter(|_| is_worth_listing || warms_up) {
+            self.record_listed(bind(listed), cover.list, counters)?;
+        }
+        if !is_worth_listing || warms_up {
+            let dispatch = bind(&pass.every_pixel).over(self.gpu, extent)?;
+            self.record_counting(&dispatch, counters)?;
+        }
+        Ok(())
+    }
+
+    /// Records a pass over the tiles of a list.
+    pub(super) fn record_listed(
+        &mut self,
+        pass: Invocation<'_>,
+        list: &List,
+        counters: &[&wgpu::Buffer],
+    ) -> Result<(), GpuError> {
+        let dispatch = pass.bind("tile_list", list.words()).indirect(self.gpu, list.words())?;
         self.record_counting(&dispatch, counters)
     }
 

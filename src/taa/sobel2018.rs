@@ -1,6 +1,12 @@
 //! The edges that widen the box `sobel` (`shaders/taa/sobel2018`): found in the frame, then made stable over time.
 
-use super::{Carried, inputs::View, recorder::Recorder, temporal::Builder, tiles::Tiles};
+use super::{
+    Carried,
+    inputs::View,
+    recorder::{Recorder, TiledPass},
+    temporal::Builder,
+    tiles::Tiles,
+};
 use crate::gpu::{GpuError, Pass, Texture};
 use wgpu::TextureFormat;
 
@@ -10,7 +16,7 @@ const STABILISE: &str = include_str!("../../shaders/taa/sobel2018/stabilise.wgsl
 #[derive(Debug)]
 pub struct Edges {
     find: Pass,
-    stabilise: Pass,
+    stabilise: TiledPass,
     edges: Texture,
     /// 32-bit whatever the precision, because adapters need not store one channel of f16; rounded to it all the same.
     history: Carried,
@@ -47,13 +53,14 @@ impl Edges {
             .bind("edges", &self.edges)
             .over(recorder.gpu, view.sizes().render)?;
         recorder.record_unless(view.is_repeat(), &find)?;
-        let stabilise = view
-            .bind_to(&self.stabilise)
-            .bind("edges", &self.edges)
-            .bind("edge_history", self.history.previous())
-            .bind("next_edge_history", self.history.current())
-            .bind("stabilised", &self.stable);
-        recorder.record_tiled(stabilise, tiles.map(Tiles::computed), view.sizes().render, &[])
+        let extent = view.sizes().render;
+        recorder.record_tiled(&self.stabilise, tiles.map(Tiles::computed), extent, &[], |pass| {
+            view.bind_to(pass)
+                .bind("edges", &self.edges)
+                .bind("edge_history", self.history.previous())
+                .bind("next_edge_history", self.history.current())
+                .bind("stabilised", &self.stable)
+        })
     }
 
     /// What the edges leave to the next frame.

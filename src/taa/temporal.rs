@@ -11,7 +11,7 @@ use super::{
     fault::planted,
     inputs::View,
     recipe::{Dilation, InputFilter, Neighbourhood, Sharpen},
-    recorder::Recorder,
+    recorder::{Recorder, TiledPass},
     sobel2018::Edges,
     tiles::{self, Tiles},
 };
@@ -74,35 +74,33 @@ impl Builder<'_> {
         self.compile(name, text, [tiles::LISTED, NEAR_CACHED], overrides)
     }
 
-    /// Compiles a pass that runs over listed tiles where the recipe keeps others.
-    pub fn tiled_pass(&self, name: &str, text: &str) -> Result<Pass, GpuError> {
-        self.compile_tiled(name, text, NEAR_CACHED)
+    /// Compiles a pass that may run over listed tiles where the recipe keeps others.
+    pub fn tiled_pass(&self, name: &str, text: &str) -> Result<TiledPass, GpuError> {
+        self.compile_tiled(name, text, [NEAR_CACHED; 2])
     }
 
     /// The same of a pass that gathers what lies beside its pixels before it looks at it.
-    fn gathering_pass(&self, name: &str, text: &str) -> Result<Pass, GpuError> {
+    fn gathering_pass(&self, name: &str, text: &str) -> Result<TiledPass, GpuError> {
         let Workgroup { x, y } = self.gpu.workgroup();
-        let [width, height] = match self.keeps_tiles {
-            true => [x.max(TILE), x * y / x.max(TILE)],
-            false => [x, y],
+        let near = |[width, height]: [u32; 2]| {
+            // Not overrides: naga takes one array at most whose size depends on some.
+            format!("const GROUP_WIDTH: u32 = {width}u;\nconst GROUP_HEIGHT: u32 = {height}u;\n{NEAR_SHARED}")
         };
-        // Tiles that follow one another in a list need not lie beside each other.
-        let is_whole = height > 0 && (!self.keeps_tiles || width == TILE);
-        if !self.gpu.uses_workgroup_memory() || !looks_one_texel_far(self.recipe) || !is_whole {
-            return self.tiled_pass(name, text);
-        }
-        // Not overrides: naga takes one array at most whose size depends on some.
-        let group = format!("const GROUP_WIDTH: u32 = {width}u;\nconst GROUP_HEIGHT: u32 = {height}u;\n");
-        self.compile_tiled(name, text, &(group + NEAR_SHARED))
+        let gathers = self.gpu.uses_workgroup_memory() && looks_one_texel_far(self.recipe);
+        let every_pixel = gathers.then(|| near([x, y]));
+        // Tiles that follow one another in a list need not lie beside each other, and a piece of one must be whole rows.
+        let listed = (gathers && x <= TILE && x * y >= TILE).then(|| near([TILE, x * y / TILE]));
+        let near = [&every_pixel, &listed].map(|near| near.as_deref().unwrap_or(NEAR_CACHED));
+        self.compile_tiled(name, text, near)
     }
 
-    fn compile_tiled(&self, name: &str, text: &str, near: &str) -> Result<Pass, GpuError> {
-        let grid = if self.keeps_tiles {
-            tiles::LISTED
-        } else {
-            tiles::EVERY_PIXEL
-        };
-        self.compile(name, text, [grid, near], &[])
+    /// `near` for every pixel, and for listed tiles.
+    fn compile_tiled(&self, name: &str, text: &str, near: [&str; 2]) -> Result<TiledPass, GpuError> {
+        let compile = |grid, near| self.compile(name, text, [grid, near], &[]);
+        Ok(TiledPass {
+            every_pixel: compile(tiles::EVERY_PIXEL, near[0])?,
+            listed: self.keeps_tiles.then(|| compile(tiles::LISTED, near[1])).transpose()?,
+        })
     }
 
     /// `grid` says which pixels there are and how what lies beside them is read.
@@ -140,9 +138,9 @@ pub struct Temporal {
     moments: Option<Moments>,
     edges: Option<Edges>,
     tiles: Option<Tiles>,
-    resolve: Pass,
+    resolve: TiledPass,
     /// And the resolved image it reads, in the working domain.
-    sharpen: Option<(Pass, Texture)>,
+    sharpen: Option<(TiledPass, Texture)>,
     history: Carried,
     n_samples: Carried,
     /// Bound where a recipe does not read what another would.
@@ -225,30 +223,31 @@ impl Temporal {
         if let Some(edges) = &mut self.edges {
             edges.record(recorder, view, tiles)?;
         }
-        let resolve = view
-            .bind_to(&self.resolve)
-            .bind("history", history)
-            .bind("prefiltered", prefiltered)
-            .bind("next_history", self.history.current())
-            .bind("n_samples", self.n_samples.previous())
-            .bind("next_n_samples", self.n_samples.current())
-            .bind("difference_rows", self.difference.as_ref().map_or(nothing, Chain::made))
-            .bind("window_means", self.moments.as_ref().map_or(nothing, Moments::means))
-            .bind(
-                "window_variances",
-                self.moments.as_ref().map_or(nothing, Moments::variances),
-            )
-            .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
-            .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved));
         let extent = view.sizes().output;
-        recorder.record_tiled(resolve, tiles.map(Tiles::computed), extent, &[])?;
+        recorder.record_tiled(&self.resolve, tiles.map(Tiles::computed), extent, &[], |pass| {
+            view.bind_to(pass)
+                .bind("history", history)
+                .bind("prefiltered", prefiltered)
+                .bind("next_history", self.history.current())
+                .bind("n_samples", self.n_samples.previous())
+                .bind("next_n_samples", self.n_samples.current())
+                .bind("difference_rows", self.difference.as_ref().map_or(nothing, Chain::made))
+                .bind("window_means", self.moments.as_ref().map_or(nothing, Moments::means))
+                .bind(
+                    "window_variances",
+                    self.moments.as_ref().map_or(nothing, Moments::variances),
+                )
+                .bind("stable_edges", self.edges.as_ref().map_or(nothing, Edges::stable))
+                .bind("shown", self.sharpen.as_ref().map_or(shown, |(_, resolved)| resolved))
+        })?;
         if let Some((sharpen, resolved)) = &self.sharpen {
-            let bound = match view.recipe().motion_blur {
-                true => view.bind_to(sharpen),
-                false => view.bind_no_image_to(sharpen),
-            };
-            let sharpen = bound.bind("resolved", resolved).bind("shown", shown);
-            recorder.record_tiled(sharpen, tiles.map(Tiles::beside), extent, &[])?;
+            recorder.record_tiled(sharpen, tiles.map(Tiles::beside), extent, &[], |pass| {
+                let bound = match view.recipe().motion_blur {
+                    true => view.bind_to(pass),
+                    false => view.bind_no_image_to(pass),
+                };
+                bound.bind("resolved", resolved).bind("shown", shown)
+            })?;
         }
         let Some(tiles) = tiles else { return Ok(()) };
         let edges = self.edges.as_ref().map_or([nothing; 2], Edges::histories);

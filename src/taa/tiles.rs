@@ -25,7 +25,7 @@ use super::{
     fault::planted,
     inputs::View,
     recipe::{Algorithm, HistoryFilter, InputFilter, Neighbourhood, Sharpen, Spatial, Weight},
-    recorder::Recorder,
+    recorder::{Cover, Recorder},
     skip::Skip,
     temporal::{Builder, Prefilter},
 };
@@ -73,6 +73,8 @@ pub struct Tiles {
     beside: List,
     /// Those of the computed ones that may be kept in the next frame.
     hopeful: List,
+    /// Whether this frame's passes run over the lists, or over every pixel.
+    is_worth_listing: bool,
     n_tiles: usize,
 }
 
@@ -123,6 +125,15 @@ impl Recipe {
             wanted |= flag::SAME_BEFORE;
         }
         wanted
+    }
+
+    /// The share of tiles of which the host must know that they may be kept for a frame's lists to be worth reading. On a CPU
+    /// adapter that costs as much as a fifth of a resolve which looks at no neighbours.
+    fn share_worth_listing(&self) -> f64 {
+        match self.neighbourhood {
+            Neighbourhood::None => 0.2,
+            _ => 1.0 / 16.0,
+        }
     }
 
     /// What a tile of a frame must have for it to be worth knowing what that frame left in it: as the next frame's flags will be
@@ -196,6 +207,7 @@ impl Tiles {
             computed: List::new(gpu, n_tiles),
             beside: List::new(gpu, n_tiles),
             hopeful: List::new(gpu, n_tiles),
+            is_worth_listing: false,
             n_tiles,
         })
     }
@@ -204,23 +216,25 @@ impl Tiles {
     pub fn classify(&mut self, recorder: &mut Recorder<'_>, view: View<'_>) -> Result<(), GpuError> {
         self.notes.advance();
         let repetition = view.repetition();
-        let wanted = match (
-            repetition.keeps,
-            repetition.keeps_jitter,
-            view.recipe().flags_without_jitter(),
-        ) {
-            (true, true, _) => self.wanted,
-            (true, false, Some(flags)) => self.wanted | flags,
-            _ => NO_TILE,
+        let resting = match (repetition.keeps_jitter, view.recipe().flags_without_jitter()) {
+            (true, _) => self.wanted,
+            (false, Some(flags)) => self.wanted | flags,
+            (false, None) => NO_TILE,
         };
-        let carried = match repetition.keeps {
-            true => self.wanted_of_carried,
-            false => NO_TILE,
-        };
+        let wanted = [resting, self.wanted_of_carried];
+        let is_worth_listing = |wanted| repetition.changes.share_with(wanted) >= view.recipe().share_worth_listing();
+        self.is_worth_listing = repetition.keeps && is_worth_listing(wanted);
+        // What every pixel is computed of is not kept.
+        let [resting, carried] = if self.is_worth_listing { wanted } else { [NO_TILE; 2] };
         // What is shown without a history leaves nothing to be looked at.
         let hopeful = match self.settle {
             Some(_) => view.recipe().hopeful_flags(repetition.keeps_jitter),
             None => [0, 0],
+        };
+        let hopeful = if is_worth_listing(hopeful) {
+            hopeful
+        } else {
+            [NO_TILE; 2]
         };
         let Extent { width, height } = view.sizes().output;
         let size = Extent::new(width.div_ceil(TILE), height.div_ceil(TILE));
@@ -236,7 +250,7 @@ impl Tiles {
             .uniform(
                 "wanted",
                 &[
-                    ("flags", wanted.into()),
+                    ("flags", resting.into()),
                     ("carried", carried.into()),
                     ("hopeful", hopeful.into()),
                     ("size", [size.width, size.height].into()),
@@ -263,15 +277,24 @@ impl Tiles {
             .bind("edge_history", edges[0])
             .bind("stored_edges", edges[1])
             .bind("notes", self.notes.current());
-        recorder.record_tiled(settle, Some(&self.hopeful), view.sizes().output, &[])
+        recorder.record_listed(settle, &self.hopeful, &[])
     }
 
-    pub fn computed(&self) -> &List {
-        &self.computed
+    /// The tiles that a pass must run over.
+    pub fn computed(&self) -> Cover<'_> {
+        self.cover(&self.computed)
     }
 
-    pub fn beside(&self) -> &List {
-        &self.beside
+    /// Those that a pass which looks at its neighbours' results must.
+    pub fn beside(&self) -> Cover<'_> {
+        self.cover(&self.beside)
+    }
+
+    fn cover<'a>(&self, list: &'a List) -> Cover<'a> {
+        Cover {
+            list,
+            is_worth_listing: self.is_worth_listing,
+        }
     }
 
     /// Copies which tiles were computed, and how many were looked at afterwards; see [`Kept`].

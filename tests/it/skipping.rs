@@ -222,6 +222,33 @@ fn a_flat_surface_is_kept_while_it_moves() {
     }
 }
 
+/// Where few tiles may be kept, reading the list costs more than they do: all are computed. A recipe without a box needs more.
+#[test]
+fn few_tiles_are_not_worth_a_list() {
+    let kept = |id: &str, sky: [u32; 2]| {
+        let recipe = &Preset::find(id).unwrap().recipe;
+        let extent = Extent::new(166, 101);
+        let frames = (0..8).map(|index| Frame {
+            albedo: Some(Image::filled(extent, [1.0; 3])),
+            object_id: Some(Image::filled(extent, 1)),
+            ..still(extent, index, move |x, y| match x < sky[0] && y < sky[1] {
+                true => [0.35, 0.5, 0.8],
+                false => [noise(x + 7 * index as u32, y, 1); 3],
+            })
+        });
+        let kept = same_both_ways(recipe, Precision::F16, frames);
+        (77.0 * kept[7]).round() as u32
+    };
+    for (id, sky, n_kept) in [
+        ("inside", [166, 20], 11),
+        ("inside", [52, 20], 0),
+        ("ema", [166, 20], 0),
+        ("ema", [166, 36], 22),
+    ] {
+        assert_eq!(kept(id, sky), n_kept, "{id} {sky:?}");
+    }
+}
+
 /// The comparison can fail: one texel that changes after all has settled must be seen, wherever it lies in its tile.
 #[test]
 fn one_texel_that_changes_is_seen_everywhere() {
