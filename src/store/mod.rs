@@ -127,6 +127,15 @@ struct Known {
     sequences: Cache<String, Option<(i64, String)>>,
 }
 
+impl Known {
+    /// A sequence was put.
+    fn forget_names(&self) {
+        self.reports.clear();
+        self.jobs.clear();
+        self.sequences.clear();
+    }
+}
+
 /// As many as the longest page of a list; of the small rows that a chart wants, as many as five of its longest lines have.
 const KNOWN_ROWS: usize = 1000;
 const DESCRIBED_ROWS: usize = 20_000;

@@ -5,6 +5,7 @@ use crate::image::Extent;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sqlx::{FromRow, Row, sqlite::SqliteRow};
+use std::sync::Arc;
 
 /// Names that are asked for are kept up to this length, which is the longest that a sequence can have.
 const MAX_KEPT_NAME: usize = 100;
@@ -100,10 +101,14 @@ impl Store {
         .bind(now)
         .fetch_one(&mut *transaction)
         .await?;
-        transaction.commit().await?;
-        self.known.reports.clear();
-        self.known.jobs.clear();
-        self.known.sequences.clear();
+        // A client that leaves now cancels what is here, but not a task: what is committed is forgotten in any case.
+        let remembered = Arc::clone(&self.known);
+        let commit = async move {
+            transaction.commit().await?;
+            remembered.forget_names();
+            Ok::<_, sqlx::Error>(())
+        };
+        tokio::spawn(commit).await.map_err(|_| sqlx::Error::WorkerCrashed)??;
         Ok((stored, known.is_none()))
     }
 

@@ -35,6 +35,7 @@ pub(super) struct Memory {
     series: HashMap<String, i64>,
     /// Points of a line and metric that are in no block yet.
     loose: HashMap<(i64, i64), u32>,
+    /// The number of the newest report.
     last_report: Option<i64>,
 }
 
@@ -113,7 +114,9 @@ impl Writer<'_> {
             .push_bind(report.complete)
             .push_bind(self.now);
         sql.push("); ");
-        self.push_frames(&mut sql, report_id, &report.frames).await?;
+        if !report.frames.is_empty() {
+            self.push_frames(&mut sql, report_id, &report.frames).await?;
+        }
         if report.complete {
             let values = report.metrics.iter().map(|(metric, found)| {
                 let value = found.summary.mean;
@@ -152,6 +155,9 @@ impl Writer<'_> {
 
     /// Adds frames to a report.
     pub async fn frames(&mut self, report_id: i64, frames: &[FrameReport]) -> Result<(), StoreError> {
+        if frames.is_empty() {
+            return Ok(());
+        }
         let mut sql = QueryBuilder::new("");
         self.push_frames(&mut sql, report_id, frames).await?;
         sql.build().execute(&mut *self.connection).await?;
@@ -165,9 +171,6 @@ impl Writer<'_> {
         report_id: i64,
         frames: &[FrameReport],
     ) -> Result<(), StoreError> {
-        if frames.is_empty() {
-            return Ok(());
-        }
         let mut seen = HashSet::with_capacity(frames.len());
         if let Some(frame) = frames.iter().find(|frame| !seen.insert(frame.index)) {
             return Err(StoreError::RepeatedFrame(frame.index));
