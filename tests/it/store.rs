@@ -8,9 +8,9 @@ use afterimage::{
         report::{AdapterInfo, FrameReport, PresetReport, Report, SequenceInfo, TimeSummary},
     },
     store::{
-        Cancelled, Claim, DEFAULT_PROJECT, Departure, Environment, Failure, FailureKind, GPU_TIME, Images, JobFilter,
-        JobSpec, MAX_ATTEMPTS, NewJob, NewReport, NewSequence, Provenance, ReportFilter, SeriesFilter, Status, Store,
-        StoreError, Subject, System, SystemKind, Timestamp, condense,
+        Cancelled, Claim, DEFAULT_PROJECT, Environment, Failure, FailureKind, GPU_TIME, Images, JobFilter, JobSpec,
+        MAX_ATTEMPTS, NewJob, NewSequence, Provenance, ReportFilter, SeriesFilter, Status, Store, StoreError,
+        Timestamp,
     },
     taa::{Precision, Skip},
 };
@@ -25,7 +25,7 @@ fn after(seconds: u64) -> Timestamp {
 }
 
 /// A store in a folder of its own, with one sequence.
-async fn store() -> (TempDir, Store, i64) {
+pub async fn store() -> (TempDir, Store, i64) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&database(folder.path())).await.unwrap();
     let (sequence, new) = store.put_sequence(&sequence("aa", "ship"), T0).await.unwrap();
@@ -33,7 +33,7 @@ async fn store() -> (TempDir, Store, i64) {
     (folder, store, sequence.id)
 }
 
-fn database(folder: &Path) -> std::path::PathBuf {
+pub fn database(folder: &Path) -> std::path::PathBuf {
     folder.join("test.sqlite")
 }
 
@@ -83,7 +83,7 @@ fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
     }
 }
 
-fn frame(index: usize, psnr: f64) -> FrameReport {
+pub fn frame(index: usize, psnr: f64) -> FrameReport {
     FrameReport {
         index,
         reset: index == 0,
@@ -142,7 +142,7 @@ fn adapter(driver_version: &str) -> AdapterInfo {
     }
 }
 
-fn environment() -> Environment {
+pub fn environment() -> Environment {
     in_environment(adapter("1.0"))
 }
 
@@ -485,122 +485,4 @@ async fn what_is_no_database_is_named() {
     .unwrap();
     let error = Store::open(&path).await.err().unwrap().to_string();
     assert!(error.contains("test.sqlite"), "{error}");
-}
-
-/// A report of a system elsewhere.
-fn external(branch: &str, commit: &str, psnr: &[f64]) -> NewReport {
-    let frames: Vec<FrameReport> = psnr.iter().enumerate().map(|(i, &x)| frame(i, x)).collect();
-    let (metrics, times_ms) = condense(&frames, &BTreeMap::new());
-    NewReport {
-        job: None,
-        project: DEFAULT_PROJECT.to_owned(),
-        subject: Subject::Named("bistro".to_owned()),
-        system: System {
-            kind: SystemKind::External,
-            name: "engine".to_owned(),
-            history: None,
-            parameters: serde_json::json!({}),
-            overrides: serde_json::json!({}),
-        },
-        environment: environment(),
-        provenance: Provenance {
-            branch: Some(branch.to_owned()),
-            from: (branch != "main").then(|| Departure {
-                branch: "main".to_owned(),
-                commit: Some("c3".to_owned()),
-            }),
-            commit: Some(commit.to_owned()),
-            ..Provenance::default()
-        },
-        revision: String::new(),
-        notes: Vec::new(),
-        stages_ms: BTreeMap::new(),
-        metrics,
-        times_ms,
-        frames,
-        validation: None,
-        complete: true,
-    }
-}
-
-async fn values(store: &Store, branch: Option<&str>, limit: usize) -> Vec<f64> {
-    let series = store.series(&SeriesFilter::default()).await.unwrap();
-    let points = store.points(&series[0], "psnr", branch, limit).await.unwrap();
-    points.iter().map(|point| point.value.0).collect()
-}
-
-#[tokio::test]
-async fn a_branch_has_its_parents_past_and_not_its_present() {
-    let (_folder, store, _) = store().await;
-    for i in 1..=5 {
-        let report = external("main", &format!("c{i}"), &[0.0, f64::from(i)]);
-        store.ingest().report(report).await.unwrap();
-    }
-    for i in [30, 31] {
-        store
-            .ingest()
-            .report(external("topic", "t", &[0.0, f64::from(i)]))
-            .await
-            .unwrap();
-    }
-    store
-        .ingest()
-        .report(external("main", "c6", &[0.0, 6.0]))
-        .await
-        .unwrap();
-    assert_eq!(values(&store, Some("topic"), 100).await, [1.0, 2.0, 3.0, 30.0, 31.0]);
-    assert_eq!(values(&store, Some("main"), 3).await, [4.0, 5.0, 6.0]);
-    assert_eq!(values(&store, None, 4).await, [5.0, 30.0, 31.0, 6.0]);
-    assert_eq!(values(&store, Some("nowhere"), 100).await, [0.0; 0]);
-}
-
-#[tokio::test]
-async fn long_lines_are_whole_whoever_wrote_them() {
-    let (folder, store, _) = store().await;
-    let n = 700;
-    let post = |i: u32| store.ingest().report(external("main", "c", &[0.0, f64::from(i)]));
-    let first = store
-        .ingest()
-        .report(NewReport {
-            complete: false,
-            ..external("main", "open", &[])
-        })
-        .await
-        .unwrap();
-    futures_util::future::try_join_all((0..n).map(post)).await.unwrap();
-    let all = values(&store, Some("main"), 10_000).await;
-    assert_eq!(all, (0..n).map(f64::from).collect::<Vec<_>>());
-    // A report whose frames came one by one belongs where it was begun, although a block is there already.
-    for (i, x) in [(0, 7.0), (1, -1.0)] {
-        store.ingest().frames(first, vec![frame(i, x)]).await.unwrap();
-    }
-    assert!(!store.report(first).await.unwrap().unwrap().complete);
-    store.ingest().close(first, BTreeMap::new()).await.unwrap();
-    assert!(matches!(
-        store.ingest().frames(first, vec![frame(2, 1.0)]).await,
-        Err(StoreError::Closed(_))
-    ));
-    assert!(matches!(
-        store.ingest().close(99_999, BTreeMap::new()).await,
-        Err(StoreError::NoReport(_))
-    ));
-    drop(store);
-    // Another process counts on from what is there.
-    let store = Store::open(&database(folder.path())).await.unwrap();
-    for i in n..n + 100 {
-        store
-            .ingest()
-            .report(external("main", "c", &[0.0, f64::from(i)]))
-            .await
-            .unwrap();
-    }
-    let all = values(&store, Some("main"), 10_000).await;
-    assert_eq!(
-        all,
-        [-1.0]
-            .into_iter()
-            .chain((0..n + 100).map(f64::from))
-            .collect::<Vec<_>>()
-    );
-    assert_eq!(store.frames(first).await.unwrap().len(), 2);
 }
