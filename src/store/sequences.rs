@@ -74,6 +74,17 @@ impl FromRow<'_, SqliteRow> for Sequence {
     }
 }
 
+/// The sequence with a hash, else the one last put under that name.
+macro_rules! select_called {
+    ($columns:literal) => {
+        concat!(
+            "SELECT ",
+            $columns,
+            " FROM sequences WHERE hash = ?1 OR name = ?1 ORDER BY hash = ?1 DESC, put_at DESC, id DESC LIMIT 1"
+        )
+    };
+}
+
 impl Store {
     /// Stores `sequence`, or renames the one with the same content. The flag says whether the content is new.
     pub async fn put_sequence(&self, sequence: &NewSequence, now: Timestamp) -> Result<(Sequence, bool), StoreError> {
@@ -115,13 +126,10 @@ impl Store {
     /// Row id and hash of the sequence with this hash, else of the one last put under this name.
     pub async fn sequence_ids(&self, hash_or_name: &str) -> Result<Option<(i64, String)>, StoreError> {
         let load = async |names: &[String]| {
-            let found: Option<(i64, String)> = sqlx::query_as(
-                "SELECT id, hash FROM sequences WHERE hash = ?1 OR name = ?1
-                 ORDER BY hash = ?1 DESC, put_at DESC, id DESC LIMIT 1",
-            )
-            .bind(&names[0])
-            .fetch_optional(&self.readers)
-            .await?;
+            let found: Option<(i64, String)> = sqlx::query_as(select_called!("id, hash"))
+                .bind(&names[0])
+                .fetch_optional(&self.readers)
+                .await?;
             Ok(vec![(names[0].clone(), found)])
         };
         let key = [hash_or_name.to_owned()];
@@ -132,13 +140,10 @@ impl Store {
 
     /// The sequence with this hash, else the one last put under this name.
     pub async fn sequence(&self, hash_or_name: &str) -> Result<Option<Sequence>, StoreError> {
-        let found = sqlx::query_as(
-            "SELECT * FROM sequences WHERE hash = ?1 OR name = ?1
-             ORDER BY hash = ?1 DESC, put_at DESC, id DESC LIMIT 1",
-        )
-        .bind(hash_or_name)
-        .fetch_optional(&self.readers)
-        .await?;
+        let found = sqlx::query_as(select_called!("*"))
+            .bind(hash_or_name)
+            .fetch_optional(&self.readers)
+            .await?;
         Ok(found)
     }
 

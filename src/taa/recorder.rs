@@ -117,7 +117,7 @@ impl Recorder<'_> {
         bind: impl Fn(&'p Pass) -> Invocation<'p>,
     ) -> Result<(), GpuError> {
         let listed = pass.listed.as_ref().zip(cover);
-        let is_worth_listing = cover.is_some_and(|cover| cover.is_worth_listing);
+        let is_worth_listing = listed.is_some_and(|(_, cover)| cover.is_worth_listing);
         let warms_up = matches!(self.repeat, Repeat::WarmUp);
         if let Some((listed, cover)) = listed.filter(|_| is_worth_listing || warms_up) {
             self.record_listed(bind(listed), cover.list, counters)?;
