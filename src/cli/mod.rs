@@ -12,6 +12,7 @@ pub mod check;
 pub mod ci;
 pub mod client;
 pub mod compare;
+mod lavapipe;
 pub mod list;
 pub mod openapi;
 pub mod paper;

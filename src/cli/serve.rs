@@ -1,6 +1,8 @@
 //! `afterimage serve`: the REST API and the dashboard.
 
+use super::lavapipe;
 use afterimage::{config::Config, server};
+use std::thread;
 
 /// Serve the REST API and the dashboard until interrupted.
 #[derive(clap::Args)]
@@ -16,6 +18,9 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments) -> anyhow::Result<bool> {
+    // A pass is dealt out to lavapipe's threads in equal parts, and ends with the last: where a request takes a core, the fewer
+    // the parts, the longer the other cores wait for that one.
+    lavapipe::with_threads(4 * thread::available_parallelism()?.get())?;
     let runtime = tokio::runtime::Runtime::new()?;
     runtime.block_on(server::serve(arguments.config))?;
     Ok(true)

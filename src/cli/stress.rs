@@ -1,6 +1,6 @@
 //! `afterimage stress`
 
-use super::{JsonTarget, print, progress_bar, table};
+use super::{JsonTarget, lavapipe, print, progress_bar, table};
 use afterimage::{
     gpu::Gpu,
     image::Extent,
@@ -106,7 +106,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     let spec = arguments.spec()?;
     stress::validate(&spec)?;
     if spec.size.is_none() {
-        without_threads_of_lavapipe()?;
+        // Cells run side by side, so the driver's threads only cost: at every dispatch they wait for each other, which takes
+        // longer than the few hundred pixels of a hazard.
+        lavapipe::with_threads(0)?;
     }
     let wanted: Vec<_> = match arguments.adapter.as_slice() {
         [] => vec![None],
@@ -130,21 +132,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     let failed = reports.iter().flat_map(|report| &report.cells);
     Ok(!failed.into_iter().any(|cell| cell.verdict == Verdict::Fails))
 }
-
-/// Cells run side by side, so threads of lavapipe's own only cost: at every dispatch they wait for each other, which takes longer
-/// than the few hundred pixels of a hazard. Their number is read as the driver is loaded, so the command begins anew with it.
-fn without_threads_of_lavapipe() -> anyhow::Result<()> {
-    #[cfg(unix)]
-    if env::var_os(LAVAPIPE_THREADS).is_none() {
-        use std::os::unix::process::CommandExt;
-        let mut anew = std::process::Command::new(env::current_exe()?);
-        let failed = anew.args(env::args_os().skip(1)).env(LAVAPIPE_THREADS, "0").exec();
-        return Err(failed).context("cannot begin anew with lavapipe's threads off");
-    }
-    Ok(())
-}
-
-const LAVAPIPE_THREADS: &str = "LP_NUM_THREADS";
 
 impl Arguments {
     fn spec(&self) -> anyhow::Result<StressSpec> {
