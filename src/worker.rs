@@ -220,7 +220,9 @@ impl Worker {
             Arc::clone(&progress),
             self.events.clone(),
         ));
+        self.store.ingest().gather(true);
         let outcome = self.run(claim, runner, &progress);
+        self.store.ingest().gather(false);
         heartbeat.abort();
         // Even an aborted heartbeat may be in the middle of a query; nothing may follow the job's end.
         let _ = self.runtime.block_on(heartbeat);

@@ -1,7 +1,9 @@
 //! `POST /jobs`, `GET /jobs`, `GET` and `DELETE /jobs/{id}`.
 
 use super::{
-    ApiError, ApiPath, ApiQuery, Service, Shared, blobs,
+    ApiError, ApiPath, ApiQuery, Service, Shared,
+    answers::FROM_STORE,
+    blobs,
     extract::ApiJson,
     origin::{EnvironmentRequest, Origin, check_name, invalid, with_origin},
     page::{self, Cursor},
@@ -388,8 +390,8 @@ async fn load(service: &Service, id: i64) -> Result<JobWithReports, ApiError> {
 }
 
 /// One job with its reports.
-pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Json<JobWithReports>, ApiError> {
-    load(&service, id).await.map(Json)
+pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<impl IntoResponse, ApiError> {
+    Ok((FROM_STORE, Json(load(&service, id).await?)))
 }
 
 /// Query of `GET /jobs`.
@@ -419,7 +421,7 @@ pub struct JobPage {
 }
 
 /// Jobs, newest first, a page at a time.
-pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<JobQuery>) -> Result<Json<JobPage>, ApiError> {
+pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<JobQuery>) -> Result<impl IntoResponse, ApiError> {
     let limit = page::limit(query.limit)?;
     let sequence_hash = match &query.sequence {
         Some(name) => Some(sequences::find(&service, name).await?.hash),
@@ -434,7 +436,7 @@ pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<JobQuery>) -
     };
     let jobs = service.store.jobs(&filter).await?;
     let next_cursor = page::next(&jobs, limit, |job| job.id);
-    Ok(Json(JobPage { jobs, next_cursor }))
+    Ok((FROM_STORE, Json(JobPage { jobs, next_cursor })))
 }
 
 /// Cancels a job: 200 if it will never run, 202 if it ends after its current frame.

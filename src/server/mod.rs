@@ -4,6 +4,7 @@
 mod access;
 mod admin;
 mod alerts;
+mod answers;
 mod api;
 pub(crate) mod bench;
 mod blobs;
@@ -38,6 +39,7 @@ pub use frames::{DEFAULT_MAX_ERROR, trace_file};
 
 use self::{
     access::Access,
+    answers::Answers,
     api::{Api, BASE, Scopes},
     blobs::BlobWriters,
     idempotency::InProgress,
@@ -138,6 +140,8 @@ pub struct Service {
     access: Access,
     /// Requests with an idempotency key.
     in_progress: InProgress,
+    /// Answers of the store as it is.
+    answers: Answers,
     /// Uploads of blobs.
     blob_writers: BlobWriters,
     /// What Prometheus is told.
@@ -229,6 +233,7 @@ impl Running {
             worker_runs: AtomicBool::new(true),
             access: Access::new(api().1),
             in_progress: InProgress::default(),
+            answers: Answers::default(),
             blob_writers: BlobWriters::default(),
             counters: Counters::new(),
         });
@@ -304,7 +309,8 @@ pub fn router(service: Arc<Service>) -> Router {
     let api = api
         .fallback(unknown_path)
         .layer(middleware::from_fn_with_state(with(), idempotency::once))
-        .layer(middleware::from_fn(conditional::tag));
+        .layer(middleware::from_fn(answers::finish))
+        .layer(middleware::from_fn_with_state(with(), conditional::tag));
     Router::new()
         .nest(BASE, api)
         .route("/metrics", get(observe::metrics))

@@ -2,6 +2,7 @@
 
 use super::{
     ApiError, ApiPath, ApiQuery, Service, Shared,
+    answers::FROM_STORE,
     export::{Column, Format, Table},
     page::{self, Cursor},
 };
@@ -65,7 +66,7 @@ pub struct ReportPage {
 pub async fn list(
     State(service): Shared,
     ApiQuery(query): ApiQuery<ReportQuery>,
-) -> Result<Json<ReportPage>, ApiError> {
+) -> Result<impl IntoResponse, ApiError> {
     let limit = page::limit(query.limit)?;
     let filter = ReportFilter {
         project: query.project,
@@ -81,7 +82,7 @@ pub async fn list(
     };
     let reports = service.store.reports(&filter).await?;
     let next_cursor = page::next(&reports, limit, |report| report.id);
-    Ok(Json(ReportPage { reports, next_cursor }))
+    Ok((FROM_STORE, Json(ReportPage { reports, next_cursor })))
 }
 
 /// What filters call a sequence: the hash of one that is stored, the name of one that is not.
@@ -92,8 +93,8 @@ async fn subject(service: &Service, sequence: Option<String>) -> Result<Option<S
 }
 
 /// One report without its frames.
-pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<Json<Arc<Report>>, ApiError> {
-    find(&service, id).await.map(Json)
+pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<impl IntoResponse, ApiError> {
+    Ok((FROM_STORE, Json(find(&service, id).await?)))
 }
 
 /// How far the adapter is from the twin, with every pass of every frame.
@@ -133,7 +134,7 @@ pub async fn rows(
     find(&service, id).await?;
     let frames = service.store.frames(id).await?;
     match Format::of(query.format, &headers) {
-        Format::Json => Ok(Json(FrameList { frames }).into_response()),
+        Format::Json => Ok((FROM_STORE, Json(FrameList { frames })).into_response()),
         format => frame_table(&frames).respond(format, &format!("report-{id}")),
     }
 }
@@ -210,7 +211,7 @@ pub struct TrendList {
 pub async fn series(
     State(service): Shared,
     ApiQuery(query): ApiQuery<SeriesQuery>,
-) -> Result<Json<TrendList>, ApiError> {
+) -> Result<impl IntoResponse, ApiError> {
     check_metric(&service, &query.metric).await?;
     let filter = SeriesFilter {
         project: query.project,
@@ -230,10 +231,11 @@ pub async fn series(
             lines.push(Trend { series, points });
         }
     }
-    Ok(Json(TrendList {
+    let list = TrendList {
         metric: query.metric,
         series: lines,
-    }))
+    };
+    Ok((FROM_STORE, Json(list)))
 }
 
 pub(super) async fn find_series(service: &Service, id: i64) -> Result<Series, ApiError> {
@@ -323,7 +325,7 @@ pub async fn points(
     };
     let points = service.store.describe(&kept).await?;
     match Format::of(query.format, &headers) {
-        Format::Json => Ok(Json(PointList { n_points, points }).into_response()),
+        Format::Json => Ok((FROM_STORE, Json(PointList { n_points, points })).into_response()),
         format => point_table(points).respond(format, &format!("series-{id}-{}", query.metric)),
     }
 }

@@ -4,7 +4,7 @@ use super::{Claim, Store, StoreError, Timestamp, reading::json, writing::adapter
 use crate::bench::BenchReport;
 use schemars::JsonSchema;
 use serde::Serialize;
-use sqlx::{FromRow, Row, sqlite::SqliteRow};
+use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
 
 /// A stored benchmark.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -56,7 +56,8 @@ impl Store {
     /// Stores a benchmark and ends its job, both or neither.
     pub async fn finish_bench(&self, claim: &Claim, report: &BenchReport, now: Timestamp) -> Result<(), StoreError> {
         let sequence_id = claim.sequence_id.ok_or(StoreError::NoSequence(claim.job_id))?;
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         claim.end(&mut transaction, report.points.len(), now).await?;
         let adapter_id = adapter_id(&mut transaction, &report.adapter).await?;
         sqlx::query(

@@ -80,7 +80,7 @@ impl Store {
         .bind(n_warnings as i64)
         .bind(time_ms)
         .bind(now)
-        .execute(&self.writer)
+        .execute(&mut *self.writer.acquire().await?)
         .await?;
         Ok(())
     }

@@ -5,10 +5,11 @@
 use super::{
     FrameReport, MetricSummary, NewReport, Store, StoreError, Timestamp, condense,
     reading::read_frames,
+    writer::WriterPool,
     writing::{Memory, Place, Writer},
 };
 use crate::run::report::TimeSummary;
-use sqlx::{Connection as _, QueryBuilder, Row as _, SqliteConnection, sqlite::SqlitePool};
+use sqlx::{Connection as _, QueryBuilder, Row as _, SqliteConnection};
 use std::{
     collections::{BTreeMap, HashSet},
     sync::{
@@ -16,12 +17,17 @@ use std::{
         atomic::{AtomicBool, Ordering::SeqCst},
     },
 };
-use tokio::sync::{mpsc, oneshot};
+use tokio::{
+    sync::{mpsc, oneshot},
+    time::{Duration, Instant, sleep_until},
+};
 
 /// How many posts may wait; beyond, the service is busy and says so.
 const MAX_WAITING: usize = 2048;
 /// How many posts one transaction takes; readers see nothing of them before it ends.
 const MAX_BATCH: usize = 256;
+/// How far apart transactions begin where they gather posts.
+const DISTANCE: Duration = Duration::from_millis(40);
 
 /// An answer kept for a client that asks again.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -58,19 +64,25 @@ struct Post {
 pub struct Ingest {
     posts: mpsc::Sender<Post>,
     stale: Arc<AtomicBool>,
+    gathers: Arc<AtomicBool>,
 }
 
 impl Ingest {
-    pub(super) fn start(writer: SqlitePool) -> Self {
+    pub(super) fn start(writer: WriterPool) -> Self {
         let (posts, waiting) = mpsc::channel(MAX_WAITING);
-        let stale = Arc::new(AtomicBool::new(false));
-        tokio::spawn(run(writer, waiting, Arc::clone(&stale)));
-        Self { posts, stale }
+        let (stale, gathers) = <(Arc<AtomicBool>, Arc<AtomicBool>)>::default();
+        tokio::spawn(run(writer, waiting, Arc::clone(&stale), Arc::clone(&gathers)));
+        Self { posts, stale, gathers }
     }
 
     /// Someone else wrote reports.
     pub(super) fn forget(&self) {
         self.stale.store(true, SeqCst);
+    }
+
+    /// Whether commits keep a distance, so that each has more posts: for the time of a job, which wants the cores.
+    pub fn gather(&self, gathers: bool) {
+        self.gathers.store(gathers, SeqCst);
     }
 
     /// Stores a report; its number.
@@ -107,10 +119,20 @@ impl Ingest {
     }
 }
 
-async fn run(writer: SqlitePool, mut waiting: mpsc::Receiver<Post>, stale: Arc<AtomicBool>) {
+async fn run(writer: WriterPool, mut waiting: mpsc::Receiver<Post>, stale: Arc<AtomicBool>, gathers: Arc<AtomicBool>) {
     let mut desk = Desk::default();
     let mut batch = Vec::with_capacity(MAX_BATCH);
+    let mut begun = None;
     while waiting.recv_many(&mut batch, MAX_BATCH).await > 0 {
+        if let Some(before) = begun.filter(|_| gathers.load(SeqCst)) {
+            sleep_until(before + DISTANCE).await;
+            while batch.len() < MAX_BATCH
+                && let Ok(post) = waiting.try_recv()
+            {
+                batch.push(post);
+            }
+        }
+        begun = Some(Instant::now());
         match desk.write(&writer, &batch, &stale).await {
             Ok(results) => {
                 for (post, result) in batch.drain(..).zip(results) {
@@ -140,7 +162,7 @@ impl Desk {
     /// One transaction. The outer result is the transaction's; inner ones refuse a post without harm to the others.
     async fn write(
         &mut self,
-        writer: &SqlitePool,
+        writer: &WriterPool,
         batch: &[Post],
         stale: &AtomicBool,
     ) -> Result<Vec<Result<i64, StoreError>>, StoreError> {
@@ -308,11 +330,11 @@ impl Store {
     pub async fn forget_before(&self, deadline: Timestamp) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM idempotency_keys WHERE created_at < ?")
             .bind(deadline)
-            .execute(&self.writer)
+            .execute(&mut *self.writer.acquire().await?)
             .await?;
         sqlx::query("DELETE FROM reports WHERE NOT complete AND created_at < ?")
             .bind(deadline)
-            .execute(&self.writer)
+            .execute(&mut *self.writer.acquire().await?)
             .await?;
         self.ingest.forget();
         Ok(())

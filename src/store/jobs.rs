@@ -9,7 +9,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sqlx::{FromRow, Row, sqlite::SqliteRow};
+use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
 use std::{collections::BTreeMap, sync::Arc};
 
 /// Where a job stands.
@@ -277,7 +277,7 @@ impl Store {
         .bind(serde_json::to_string(&job.provenance)?)
         .bind(&job.result_key)
         .bind(now)
-        .fetch_one(&self.writer)
+        .fetch_one(&mut *self.writer.acquire().await?)
         .await?;
         Ok(id)
     }
@@ -349,7 +349,8 @@ impl Store {
 
     /// Asks for a job's end.
     pub async fn cancel(&self, id: i64, now: Timestamp) -> Result<Cancelled, StoreError> {
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         let status: Option<Status> = sqlx::query_scalar("SELECT status FROM jobs WHERE id = ?")
             .bind(id)
             .fetch_optional(&mut *transaction)

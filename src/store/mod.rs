@@ -26,6 +26,7 @@ mod trend;
 mod value;
 mod verdicts;
 mod webhooks;
+mod writer;
 mod writing;
 
 pub use bench::{BenchFilter, BenchRun};
@@ -48,7 +49,7 @@ pub use trend::{BranchPath, Point, TrendFilter, TrendPoint, downsample};
 pub use verdicts::{Alert, AlertFilter, AlertStatus, Decision, Verdict};
 pub use webhooks::{Delivery, DeliveryStatus, Webhook};
 
-use self::{cache::Cache, trend::Described};
+use self::{cache::Cache, trend::Described, writer::WriterPool};
 use crate::run::report::FrameReport;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use std::{
@@ -111,7 +112,7 @@ pub enum StoreError {
 /// Connections to the database file.
 #[derive(Clone)]
 pub struct Store {
-    writer: SqlitePool,
+    writer: WriterPool,
     readers: SqlitePool,
     ingest: Ingest,
     known: Arc<Known>,
@@ -179,6 +180,7 @@ impl Store {
             .connect_with(options.read_only(true).create_if_missing(false))
             .await
             .map_err(open_error)?;
+        let writer = WriterPool::new(writer);
         let ingest = Ingest::start(writer.clone());
         Ok(Self {
             writer,
@@ -196,6 +198,11 @@ impl Store {
     /// Where results measured elsewhere are posted.
     pub fn ingest(&self) -> &Ingest {
         &self.ingest
+    }
+
+    /// Grows with every write, before anybody is told of it: what was read lasts until it does.
+    pub fn n_writes(&self) -> u64 {
+        self.writer.n_writes()
     }
 
     /// Whether the database answers.

@@ -71,7 +71,7 @@ impl Store {
         .bind(MAX_ATTEMPTS)
         .bind(now)
         .bind(deadline)
-        .fetch_all(&self.writer)
+        .fetch_all(&mut *self.writer.acquire().await?)
         .await?;
         Ok(recovered)
     }
@@ -87,7 +87,7 @@ impl Store {
         )
         .bind(now + lease)
         .bind(now)
-        .fetch_optional(&self.writer)
+        .fetch_optional(&mut *self.writer.acquire().await?)
         .await?;
         let Some(row) = row else { return Ok(None) };
         Ok(Some(Claim {
@@ -119,7 +119,7 @@ impl Store {
         .bind(n_total as i64)
         .bind(claim.job_id)
         .bind(claim.lease)
-        .fetch_optional(&self.writer)
+        .fetch_optional(&mut *self.writer.acquire().await?)
         .await?
         .ok_or(StoreError::ClaimLost(claim.job_id))
     }
@@ -172,7 +172,7 @@ impl Store {
         claim: &Claim,
         query: sqlx::query::Query<'_, sqlx::Sqlite, sqlx::sqlite::SqliteArguments>,
     ) -> Result<(), StoreError> {
-        match query.execute(&self.writer).await?.rows_affected() {
+        match query.execute(&mut *self.writer.acquire().await?).await?.rows_affected() {
             0 => Err(StoreError::ClaimLost(claim.job_id)),
             _ => Ok(()),
         }

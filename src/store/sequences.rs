@@ -4,8 +4,7 @@ use super::{Store, StoreError, Timestamp};
 use crate::image::Extent;
 use schemars::JsonSchema;
 use serde::Serialize;
-use sqlx::{FromRow, Row, sqlite::SqliteRow};
-use std::sync::Arc;
+use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
 
 /// Names that are asked for are kept up to this length, which is the longest that a sequence can have.
 const MAX_KEPT_NAME: usize = 100;
@@ -88,7 +87,8 @@ macro_rules! select_called {
 impl Store {
     /// Stores `sequence`, or renames the one with the same content. The flag says whether the content is new.
     pub async fn put_sequence(&self, sequence: &NewSequence, now: Timestamp) -> Result<(Sequence, bool), StoreError> {
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         let known: Option<i64> = sqlx::query_scalar("SELECT id FROM sequences WHERE hash = ?")
             .bind(&sequence.hash)
             .fetch_optional(&mut *transaction)
@@ -112,14 +112,8 @@ impl Store {
         .bind(now)
         .fetch_one(&mut *transaction)
         .await?;
-        // A client that leaves now cancels what is here, but not a task: what is committed is forgotten in any case.
-        let remembered = Arc::clone(&self.known);
-        let commit = async move {
-            transaction.commit().await?;
-            remembered.forget_names();
-            Ok::<_, sqlx::Error>(())
-        };
-        tokio::spawn(commit).await.map_err(|_| sqlx::Error::WorkerCrashed)??;
+        transaction.commit().await?;
+        self.known.forget_names();
         Ok((stored, known.is_none()))
     }
 

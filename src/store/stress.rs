@@ -7,7 +7,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::Serialize;
-use sqlx::{FromRow, Row, sqlite::SqliteRow};
+use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
 
 /// A stored matrix, without its cells.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -57,7 +57,8 @@ macro_rules! select_runs {
 impl Store {
     /// Stores a matrix and ends its job, both or neither.
     pub async fn finish_stress(&self, claim: &Claim, report: &StressReport, now: Timestamp) -> Result<(), StoreError> {
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         claim.end(&mut transaction, report.cells.len(), now).await?;
         let adapter_id = adapter_id(&mut transaction, &report.adapter).await?;
         let report_id: i64 = sqlx::query_scalar(

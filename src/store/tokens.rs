@@ -140,7 +140,7 @@ impl Store {
         .bind(new.rate_per_minute)
         .bind(now)
         .bind(new.expires_at)
-        .fetch_one(&self.writer)
+        .fetch_one(&mut *self.writer.acquire().await?)
         .await?;
         Ok((text, token(&row)?))
     }
@@ -172,7 +172,7 @@ impl Store {
         let done = sqlx::query("UPDATE tokens SET revoked_at = ? WHERE id = ? AND revoked_at IS NULL")
             .bind(now)
             .bind(id)
-            .execute(&self.writer)
+            .execute(&mut *self.writer.acquire().await?)
             .await?;
         Ok(done.rows_affected() > 0)
     }

@@ -4,7 +4,7 @@ use super::{Series, SeriesFilter, Store, StoreError, Timestamp, reading::json};
 use crate::verdict::{Approved, Check, Finding, Kind, Outcome, Rules, matches};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sqlx::{FromRow, Row, sqlite::SqliteRow};
+use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
 use std::time::Duration;
 
 /// What someone said of a result.
@@ -165,7 +165,7 @@ impl Store {
         .bind(branch)
         .bind(serde_json::to_string(rules)?)
         .bind(now)
-        .execute(&self.writer)
+        .execute(&mut *self.writer.acquire().await?)
         .await?;
         let filter = AlertFilter {
             project: Some(project.to_owned()),
@@ -212,7 +212,8 @@ impl Store {
         why: &str,
         now: Timestamp,
     ) -> Result<Option<Decision>, StoreError> {
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         let decision: Option<Decision> = sqlx::query_as(
             "INSERT INTO decisions (report_id, series_id, decision, who, why, decided_at)
              SELECT id, series_id, ?2, ?3, ?4, ?5 FROM reports WHERE id = ?1 AND complete RETURNING *",
@@ -313,7 +314,8 @@ impl Store {
         checks: &[Check],
         now: Timestamp,
     ) -> Result<Vec<i64>, StoreError> {
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         let mut new = Vec::new();
         for check in checks {
             let Some(series_id) = check.series_id else { continue };
@@ -401,7 +403,7 @@ impl Store {
         .bind(who)
         .bind(now)
         .bind(id)
-        .execute(&self.writer)
+        .execute(&mut *self.writer.acquire().await?)
         .await?;
         Ok(done.rows_affected() > 0)
     }

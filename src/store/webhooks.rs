@@ -3,7 +3,7 @@
 use super::{Store, StoreError, Timestamp};
 use schemars::JsonSchema;
 use serde::Serialize;
-use sqlx::FromRow;
+use sqlx::{Connection as _, FromRow};
 use std::time::Duration;
 
 /// An address that hears of verdicts.
@@ -65,7 +65,8 @@ impl Store {
         secret: &str,
         now: Timestamp,
     ) -> Result<Webhook, StoreError> {
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         sqlx::query("INSERT INTO projects (name, created_at) VALUES (?, ?) ON CONFLICT DO NOTHING")
             .bind(project)
             .bind(now)
@@ -100,7 +101,7 @@ impl Store {
     pub async fn delete_webhook(&self, id: i64) -> Result<bool, StoreError> {
         let done = sqlx::query("DELETE FROM webhooks WHERE id = ?")
             .bind(id)
-            .execute(&self.writer)
+            .execute(&mut *self.writer.acquire().await?)
             .await?;
         Ok(done.rows_affected() > 0)
     }
@@ -122,7 +123,7 @@ impl Store {
         .bind(event)
         .bind(payload.to_string())
         .bind(now)
-        .execute(&self.writer)
+        .execute(&mut *self.writer.acquire().await?)
         .await?;
         Ok(done.rows_affected())
     }
@@ -161,7 +162,7 @@ impl Store {
             .bind(next_at)
             .bind(error)
             .bind(delivery.id)
-            .execute(&self.writer)
+            .execute(&mut *self.writer.acquire().await?)
             .await?;
         Ok(())
     }

@@ -12,7 +12,7 @@ use crate::{
     run::report::{AdapterInfo, FrameReport, Report},
     taa::validation::Validation,
 };
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{Connection as _, QueryBuilder, Sqlite, SqliteConnection};
 use std::collections::{HashMap, HashSet};
 
 /// How many points of a line and metric are packed into a block. A reader reads half as many rows of points on average,
@@ -497,7 +497,8 @@ impl Store {
         environment: &Environment,
         now: Timestamp,
     ) -> Result<Vec<i64>, StoreError> {
-        let mut transaction = self.writer.begin().await?;
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
         let n_frames = report.reports.iter().map(|preset| {
             let validated = preset
                 .validation

@@ -1,14 +1,14 @@
-//! Lines in the store: whose points a branch has, and that long ones are whole.
+//! Lines in the store: whose points a branch has, that long ones are whole, and which posts share a transaction.
 
 use crate::store::{database, environment, frame, store};
 use afterimage::{
     run::report::FrameReport,
     store::{
         DEFAULT_PROJECT, Departure, NewReport, Provenance, SeriesFilter, Store, StoreError, Subject, System,
-        SystemKind, condense,
+        SystemKind, Timestamp, condense,
     },
 };
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, time::Duration};
 
 /// A report of a system elsewhere.
 fn external(branch: &str, commit: &str, psnr: &[f64]) -> NewReport {
@@ -126,4 +126,36 @@ async fn long_lines_are_whole_whoever_wrote_them() {
             .collect::<Vec<_>>()
     );
     assert_eq!(store.frames(first).await.unwrap().len(), 2);
+}
+
+#[tokio::test]
+async fn posts_share_a_transaction_where_they_gather() {
+    let (_folder, store, _) = store().await;
+    let post = async |commit: &str| store.ingest().report(external("main", commit, &[1.0])).await.unwrap();
+    let stored_at = async |id| store.report(id).await.unwrap().unwrap().created_at;
+    store.ingest().gather(true);
+    let first = post("c0").await;
+    let n_writes = store.n_writes();
+    let (a, b, c) = tokio::join!(post("c1"), post("c2"), post("c3"));
+    assert_eq!(store.n_writes(), n_writes + 1);
+    let times = [stored_at(a).await, stored_at(b).await, stored_at(c).await];
+    assert_eq!(times, [times[0]; 3]);
+    // The one before was 40 ms earlier, to the millisecond.
+    assert!(
+        times[0] >= stored_at(first).await + Duration::from_millis(39),
+        "{times:?}"
+    );
+}
+
+#[tokio::test]
+async fn writes_are_counted_and_reads_are_not() {
+    let (_folder, store, _) = store().await;
+    let n_writes = store.n_writes();
+    let id = store.ingest().report(external("main", "c0", &[1.0])).await.unwrap();
+    assert_eq!(store.n_writes(), n_writes + 1);
+    values(&store, None, 1).await;
+    store.report(id).await.unwrap().unwrap();
+    assert_eq!(store.n_writes(), n_writes + 1);
+    store.forget_before(Timestamp::now()).await.unwrap();
+    assert_eq!(store.n_writes(), n_writes + 3);
 }

@@ -1,0 +1,191 @@
+//! Answers that follow from the address and the store alone, kept until something is written: dashboards and scripts ask for
+//! the same again and again.
+
+use super::ApiError;
+use axum::{
+    Extension,
+    body::{Body, Bytes},
+    http::{HeaderMap, HeaderValue, Request, header},
+    middleware::Next,
+    response::{IntoResponse as _, Response},
+};
+use std::{
+    collections::HashMap,
+    panic::resume_unwind,
+    sync::{Mutex, PoisonError},
+};
+use tracing::Instrument as _;
+
+/// Marks an answer that may be kept: nothing but the store, the address and the header `accept` decides what it says.
+#[derive(Clone, Copy)]
+pub struct FromStore;
+
+/// What a handler adds to such an answer.
+pub const FROM_STORE: Extension<FromStore> = Extension(FromStore);
+
+/// Larger answers are not kept, nor more of them: together at most 64 MiB.
+const MAX_BYTES: usize = 256 << 10;
+const MAX_ANSWERS: usize = 256;
+
+/// Answers of one state of the store.
+#[derive(Default)]
+pub struct Answers(Mutex<Kept>);
+
+#[derive(Default)]
+struct Kept {
+    /// [`Store::n_writes`](crate::store::Store::n_writes) when they were made.
+    n_writes: u64,
+    answers: HashMap<Question, Answer>,
+}
+
+/// What tells one answer from another.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub struct Question {
+    address: String,
+    accept: Option<HeaderValue>,
+}
+
+impl Question {
+    /// What a `GET` asks.
+    pub fn of<B>(request: &Request<B>) -> Self {
+        Self {
+            address: request.uri().to_string(),
+            accept: request.headers().get(header::ACCEPT).cloned(),
+        }
+    }
+}
+
+/// A kept answer of status 200.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// Its tag among them.
+    pub headers: HeaderMap,
+    /// Its content.
+    pub body: Bytes,
+}
+
+impl Answers {
+    /// The answer to a question, made after so many writes.
+    pub fn get(&self, n_writes: u64, question: &Question) -> Option<Answer> {
+        self.at(n_writes, |answers| answers.get(question).cloned()).flatten()
+    }
+
+    /// Keeps an answer for which the store was read after so many writes. If there was another since, nobody is given it.
+    pub fn keep(&self, n_writes: u64, question: Question, answer: &Answer) {
+        self.at(n_writes, |answers| {
+            if answer.body.len() <= MAX_BYTES && answers.len() < MAX_ANSWERS {
+                answers.insert(question, answer.clone());
+            }
+        });
+    }
+
+    /// The answers after so many writes; none where there were more by now.
+    fn at<T>(&self, n_writes: u64, work: impl FnOnce(&mut HashMap<Question, Answer>) -> T) -> Option<T> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.n_writes < n_writes {
+            kept.n_writes = n_writes;
+            kept.answers.clear();
+        }
+        (kept.n_writes == n_writes).then(|| work(&mut kept.answers))
+    }
+}
+
+/// Lets a request that may write end even if its client leaves: a commit that nobody waits for any more is made all the same,
+/// but after it was counted.
+pub async fn finish(request: Request<Body>, next: Next) -> Response {
+    if request.method().is_safe() {
+        return next.run(request).await;
+    }
+    match tokio::spawn(next.run(request).in_current_span()).await {
+        Ok(response) => response,
+        Err(error) => match error.try_into_panic() {
+            Ok(panic) => resume_unwind(panic),
+            Err(error) => ApiError::internal(error).into_response(),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::{Router, http::Method, middleware, routing::get};
+    use std::sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    };
+    use tokio::{sync::Notify, task::yield_now};
+    use tower::ServiceExt as _;
+
+    fn question(address: &str, accept: Option<&'static str>) -> Question {
+        Question {
+            address: address.to_owned(),
+            accept: accept.map(HeaderValue::from_static),
+        }
+    }
+
+    fn answer(n_bytes: usize) -> Answer {
+        Answer {
+            headers: HeaderMap::new(),
+            body: vec![b'x'; n_bytes].into(),
+        }
+    }
+
+    #[test]
+    fn an_answer_lasts_until_the_next_write() {
+        let answers = Answers::default();
+        let (a, b) = (question("/a", None), question("/a", Some("text/csv")));
+        answers.keep(3, a.clone(), &answer(1));
+        assert_eq!(answers.get(3, &a), Some(answer(1)));
+        assert_eq!(answers.get(3, &b), None, "another form");
+        assert_eq!(answers.get(4, &a), None, "after a write");
+        answers.keep(3, a.clone(), &answer(1));
+        assert_eq!(answers.get(4, &a), None, "read before the write, and made after it");
+        assert_eq!(answers.get(3, &a), None);
+    }
+
+    #[test]
+    fn memory_has_a_limit() {
+        let answers = Answers::default();
+        let (small, large) = (question("/small", None), question("/large", None));
+        answers.keep(1, large.clone(), &answer(MAX_BYTES + 1));
+        assert_eq!(answers.get(1, &large), None);
+        for i in 0..MAX_ANSWERS {
+            answers.keep(1, question(&i.to_string(), None), &answer(1));
+        }
+        answers.keep(1, small.clone(), &answer(1));
+        assert_eq!(answers.get(1, &small), None);
+    }
+
+    /// Whether the handler of a request ends whose client left before it could.
+    async fn ends_without_its_client(method: Method) -> bool {
+        let (go, ended) = (Arc::new(Notify::new()), Arc::new(AtomicBool::new(false)));
+        let handler = {
+            let (go, ended) = (Arc::clone(&go), Arc::clone(&ended));
+            async move || {
+                go.notified().await;
+                ended.store(true, Relaxed);
+            }
+        };
+        let router = Router::new()
+            .route("/", get(handler.clone()).post(handler))
+            .layer(middleware::from_fn(finish));
+        let request = Request::builder().method(method).body(Body::empty()).unwrap();
+        let client = tokio::spawn(router.oneshot(request));
+        for _ in 0..10 {
+            yield_now().await;
+        }
+        client.abort();
+        assert!(client.await.unwrap_err().is_cancelled());
+        go.notify_one();
+        for _ in 0..10 {
+            yield_now().await;
+        }
+        ended.load(Relaxed)
+    }
+
+    #[tokio::test]
+    async fn only_what_may_write_ends_without_its_client() {
+        assert!(ends_without_its_client(Method::POST).await);
+        assert!(!ends_without_its_client(Method::GET).await);
+    }
+}
