@@ -20,7 +20,10 @@ pub struct Arguments {
 pub fn run(arguments: Arguments) -> anyhow::Result<bool> {
     // A pass is dealt out to lavapipe's threads in equal parts, and ends with the last: where a request takes a core, the fewer
     // the parts, the longer the other cores wait for that one.
-    lavapipe::with_threads(4 * thread::available_parallelism()?.get())?;
+    let n_threads = 4 * thread::available_parallelism()?.get();
+    if let Err(error) = lavapipe::with_threads(n_threads) {
+        tracing::warn!(%error, "lavapipe keeps the number of its threads");
+    }
     let runtime = tokio::runtime::Runtime::new()?;
     runtime.block_on(server::serve(arguments.config))?;
     Ok(true)

@@ -23,7 +23,7 @@ pub struct FromStore;
 /// What a handler adds to such an answer.
 pub const FROM_STORE: Extension<FromStore> = Extension(FromStore);
 
-/// Larger answers are not kept, nor more of them: together at most 64 MiB.
+/// Larger answers with their questions are not kept, and with more of them all are forgotten: together at most 64 MiB.
 const MAX_BYTES: usize = 256 << 10;
 const MAX_ANSWERS: usize = 256;
 
@@ -33,8 +33,8 @@ pub struct Answers(Mutex<Kept>);
 
 #[derive(Default)]
 struct Kept {
-    /// [`Store::n_writes`](crate::store::Store::n_writes) when they were made.
-    n_writes: u64,
+    /// The number of that state.
+    state: u64,
     answers: HashMap<Question, Answer>,
 }
 
@@ -53,6 +53,10 @@ impl Question {
             accept: request.headers().get(header::ACCEPT).cloned(),
         }
     }
+
+    fn n_bytes(&self) -> usize {
+        self.address.len() + self.accept.as_ref().map_or(0, HeaderValue::len)
+    }
 }
 
 /// A kept answer of status 200.
@@ -65,33 +69,42 @@ pub struct Answer {
 }
 
 impl Answers {
-    /// The answer to a question, made after so many writes.
-    pub fn get(&self, n_writes: u64, question: &Question) -> Option<Answer> {
-        self.at(n_writes, |answers| answers.get(question).cloned()).flatten()
+    /// The answer to a question in this [state](crate::store::Store::state) of the store.
+    pub fn get(&self, state: u64, question: &Question) -> Option<Answer> {
+        self.at(state, |answers| answers.get(question).cloned()).flatten()
     }
 
-    /// Keeps an answer for which the store was read after so many writes. If there was another since, nobody is given it.
-    pub fn keep(&self, n_writes: u64, question: Question, answer: &Answer) {
-        self.at(n_writes, |answers| {
-            if answer.body.len() <= MAX_BYTES && answers.len() < MAX_ANSWERS {
-                answers.insert(question, answer.clone());
+    /// Keeps an answer that was begun in this state. If there is another by now, nobody will be given it.
+    pub fn keep(&self, state: u64, question: Question, answer: &Answer) {
+        if question.n_bytes() + answer.body.len() > MAX_BYTES {
+            return;
+        }
+        let answer = Answer {
+            headers: answer.headers.clone(),
+            // The buffer that it was written to may be twice as long.
+            body: Bytes::copy_from_slice(&answer.body),
+        };
+        self.at(state, |answers| {
+            if answers.len() == MAX_ANSWERS {
+                answers.clear();
             }
+            answers.insert(question, answer);
         });
     }
 
-    /// The answers after so many writes; none where there were more by now.
-    fn at<T>(&self, n_writes: u64, work: impl FnOnce(&mut HashMap<Question, Answer>) -> T) -> Option<T> {
+    /// The answers of a state; none where there is a later one.
+    fn at<T>(&self, state: u64, work: impl FnOnce(&mut HashMap<Question, Answer>) -> T) -> Option<T> {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.n_writes < n_writes {
-            kept.n_writes = n_writes;
+        if kept.state < state {
+            kept.state = state;
             kept.answers.clear();
         }
-        (kept.n_writes == n_writes).then(|| work(&mut kept.answers))
+        (kept.state == state).then(|| work(&mut kept.answers))
     }
 }
 
-/// Lets a request that may write end even if its client leaves: a commit that nobody waits for any more is made all the same,
-/// but after it was counted.
+/// Lets a request that may write end even if its client leaves. Otherwise SQLite would still make a commit that nobody waits for
+/// any more, after the state had its number.
 pub async fn finish(request: Request<Body>, next: Next) -> Response {
     if request.method().is_safe() {
         return next.run(request).await;
@@ -147,12 +160,14 @@ mod tests {
     fn memory_has_a_limit() {
         let answers = Answers::default();
         let (small, large) = (question("/small", None), question("/large", None));
-        answers.keep(1, large.clone(), &answer(MAX_BYTES + 1));
+        answers.keep(1, large.clone(), &answer(MAX_BYTES));
         assert_eq!(answers.get(1, &large), None);
-        for i in 0..MAX_ANSWERS {
+        answers.keep(1, small.clone(), &answer(1));
+        for i in 1..MAX_ANSWERS {
             answers.keep(1, question(&i.to_string(), None), &answer(1));
         }
-        answers.keep(1, small.clone(), &answer(1));
+        assert_eq!(answers.get(1, &small), Some(answer(1)));
+        answers.keep(1, question("/one more", None), &answer(1));
         assert_eq!(answers.get(1, &small), None);
     }
 

@@ -26,8 +26,8 @@ pub async fn tag(State(service): State<Arc<Service>>, request: Request<Body>, ne
     }
     let has = request.headers().get(header::IF_NONE_MATCH).cloned();
     let question = Question::of(&request);
-    let n_writes = service.store.n_writes();
-    if let Some(kept) = service.answers.get(n_writes, &question) {
+    let state = service.store.state();
+    if let Some(kept) = state.and_then(|state| service.answers.get(state, &question)) {
         return send(kept, has);
     }
     let response = next.run(request).await;
@@ -48,8 +48,8 @@ pub async fn tag(State(service): State<Arc<Service>>, request: Request<Body>, ne
         headers: parts.headers,
         body,
     };
-    if parts.extensions.get::<FromStore>().is_some() {
-        service.answers.keep(n_writes, question, &answer);
+    if let (Some(FromStore), Some(state)) = (parts.extensions.get(), state) {
+        service.answers.keep(state, question, &answer);
     }
     send(answer, has)
 }

@@ -26,7 +26,7 @@ use tokio::{
 const MAX_WAITING: usize = 2048;
 /// How many posts one transaction takes; readers see nothing of them before it ends.
 const MAX_BATCH: usize = 256;
-/// How far apart transactions begin where they gather posts.
+/// How long after a transaction the next begins where they gather posts.
 const DISTANCE: Duration = Duration::from_millis(40);
 
 /// An answer kept for a client that asks again.
@@ -57,6 +57,13 @@ enum Work {
 struct Post {
     work: Work,
     reply: oneshot::Sender<Result<i64, StoreError>>,
+}
+
+impl Post {
+    /// Kept for a client whose results wait for this alone.
+    fn is_answer(&self) -> bool {
+        matches!(self.work, Work::Keep { .. })
+    }
 }
 
 /// Where results are posted.
@@ -122,17 +129,17 @@ impl Ingest {
 async fn run(writer: WriterPool, mut waiting: mpsc::Receiver<Post>, stale: Arc<AtomicBool>, gathers: Arc<AtomicBool>) {
     let mut desk = Desk::default();
     let mut batch = Vec::with_capacity(MAX_BATCH);
-    let mut begun = None;
+    let mut ended = None;
     while waiting.recv_many(&mut batch, MAX_BATCH).await > 0 {
-        if let Some(before) = begun.filter(|_| gathers.load(SeqCst)) {
-            sleep_until(before + DISTANCE).await;
+        let may_wait = gathers.load(SeqCst) && batch.len() < MAX_BATCH && !batch.iter().all(Post::is_answer);
+        if let Some(ended) = ended.filter(|_| may_wait) {
+            sleep_until(ended + DISTANCE).await;
             while batch.len() < MAX_BATCH
                 && let Ok(post) = waiting.try_recv()
             {
                 batch.push(post);
             }
         }
-        begun = Some(Instant::now());
         match desk.write(&writer, &batch, &stale).await {
             Ok(results) => {
                 for (post, result) in batch.drain(..).zip(results) {
@@ -147,6 +154,7 @@ async fn run(writer: WriterPool, mut waiting: mpsc::Receiver<Post>, stale: Arc<A
                 }
             }
         }
+        ended = Some(Instant::now());
     }
 }
 

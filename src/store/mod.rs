@@ -200,9 +200,10 @@ impl Store {
         &self.ingest
     }
 
-    /// Grows with every write, before anybody is told of it: what was read lasts until it does.
-    pub fn n_writes(&self) -> u64 {
-        self.writer.n_writes()
+    /// The number of what readers find, which grows with every write of this process; none while somebody writes. What was read
+    /// in one state is what anybody reads in it.
+    pub fn state(&self) -> Option<u64> {
+        self.writer.state()
     }
 
     /// Whether the database answers.

@@ -2,13 +2,10 @@
 
 use crate::support::service::{Client, Idle, TestService, packed};
 use serde_json::{Value, json};
-use std::{
-    io::Read as _,
-    sync::atomic::{AtomicBool, Ordering::Relaxed},
-    thread,
-};
+use std::io::Read as _;
 
-fn report(change: Value) -> Value {
+/// A report of three frames.
+pub fn report(change: Value) -> Value {
     let mut report = json!({"sequence": "bistro", "system": "engine", "branch": "main", "commit": "c1",
         "frames": [
             {"index": 0, "warmup": true, "reset": true, "metrics": {"psnr": 10, "mine": 5}},
@@ -442,36 +439,6 @@ fn long_series_are_thinned_with_their_peaks() {
         client.get("/series/1/points?metric=psnr&until_ms=0").json()["points"],
         json!([])
     );
-}
-
-#[test]
-fn who_posted_is_never_given_an_answer_from_before() {
-    const N_POSTS: usize = 100;
-    let service = TestService::start(Idle, &[]);
-    let (client, is_done) = (service.client(), AtomicBool::new(false));
-    let first = client.posted("/reports", &report(json!({})));
-    let series = client.get(&format!("/reports/{}", first["id"])).json()["series_id"].clone();
-    let points = format!("/series/{series}/points?metric=psnr&limit=1");
-    thread::scope(|scope| {
-        // Others ask for the same meanwhile, so that each answer is there before and made while something is written.
-        for path in ["/reports?limit=1", &points] {
-            scope.spawn(|| {
-                let client = service.client();
-                while !is_done.load(Relaxed) {
-                    assert_eq!(client.get(path).status, 200);
-                }
-            });
-        }
-        for i in 0..N_POSTS {
-            let id = client.posted("/reports", &report(json!({"commit": i.to_string()})))["id"].clone();
-            let seen = [
-                client.get("/reports?limit=1").json()["reports"][0]["id"].clone(),
-                client.get(&points).json()["points"][0]["report_id"].clone(),
-            ];
-            is_done.store(i + 1 == N_POSTS || seen != [id.clone(), id.clone()], Relaxed);
-            assert_eq!(seen, [id.clone(), id], "post {i}");
-        }
-    });
 }
 
 #[test]
