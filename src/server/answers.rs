@@ -2,6 +2,7 @@
 //! the same again and again.
 
 use super::ApiError;
+use crate::store::State;
 use axum::{
     Extension,
     body::{Body, Bytes},
@@ -18,22 +19,33 @@ use tracing::Instrument as _;
 
 /// Marks an answer that may be kept: nothing but the store, the address and the header `accept` decides what it says.
 #[derive(Clone, Copy)]
-pub struct FromStore;
+pub enum FromStore {
+    /// Whatever is written may change it.
+    All,
+    /// Whatever is written but posted results.
+    Lasting,
+}
 
-/// What a handler adds to such an answer.
-pub const FROM_STORE: Extension<FromStore> = Extension(FromStore);
+/// What a handler adds to an answer that anything may change.
+pub const FROM_STORE: Extension<FromStore> = Extension(FromStore::All);
+/// And to one that posted results leave as it is.
+pub const LASTING_FROM_STORE: Extension<FromStore> = Extension(FromStore::Lasting);
 
-/// Larger answers with their questions are not kept, and with more of them all are forgotten: together at most 64 MiB.
+/// Larger answers with their questions are not kept, and with more of a kind all of it are forgotten: together at most 64 MiB.
 const MAX_BYTES: usize = 256 << 10;
-const MAX_ANSWERS: usize = 256;
+const MAX_ANSWERS: usize = 128;
 
-/// Answers of one state of the store.
+/// Answers of the store as it is.
 #[derive(Default)]
-pub struct Answers(Mutex<Kept>);
+pub struct Answers {
+    all: Mutex<Kept>,
+    lasting: Mutex<Kept>,
+}
 
+/// Those of one state.
 #[derive(Default)]
 struct Kept {
-    /// The number of that state.
+    /// Its number.
     state: u64,
     answers: HashMap<Question, Answer>,
 }
@@ -69,13 +81,14 @@ pub struct Answer {
 }
 
 impl Answers {
-    /// The answer to a question in this [state](crate::store::Store::state) of the store.
-    pub fn get(&self, state: u64, question: &Question) -> Option<Answer> {
-        self.at(state, |answers| answers.get(question).cloned()).flatten()
+    /// The answer to a question in this state of the store.
+    pub fn get(&self, state: State, question: &Question) -> Option<Answer> {
+        let kept = |kept, state| at(kept, state, |answers| answers.get(question).cloned()).flatten();
+        kept(&self.lasting, state.lasting).or_else(|| kept(&self.all, state.all))
     }
 
     /// Keeps an answer that was begun in this state. If there is another by now, nobody will be given it.
-    pub fn keep(&self, state: u64, question: Question, answer: &Answer) {
+    pub fn keep(&self, state: State, kind: FromStore, question: Question, answer: &Answer) {
         if question.n_bytes() + answer.body.len() > MAX_BYTES {
             return;
         }
@@ -84,23 +97,28 @@ impl Answers {
             // The buffer that it was written to may be twice as long.
             body: Bytes::copy_from_slice(&answer.body),
         };
-        self.at(state, |answers| {
+        let (kept, state) = match kind {
+            FromStore::All => (&self.all, state.all),
+            FromStore::Lasting => (&self.lasting, state.lasting),
+        };
+        at(kept, state, |answers| {
             if answers.len() == MAX_ANSWERS {
                 answers.clear();
             }
             answers.insert(question, answer);
         });
     }
+}
 
-    /// The answers of a state; none where there is a later one.
-    fn at<T>(&self, state: u64, work: impl FnOnce(&mut HashMap<Question, Answer>) -> T) -> Option<T> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.state < state {
-            kept.state = state;
-            kept.answers.clear();
-        }
-        (kept.state == state).then(|| work(&mut kept.answers))
+/// The answers of a state; none where it has no number, or there is a later one.
+fn at<T>(kept: &Mutex<Kept>, state: Option<u64>, work: impl FnOnce(&mut HashMap<Question, Answer>) -> T) -> Option<T> {
+    let state = state?;
+    let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+    if kept.state < state {
+        kept.state = state;
+        kept.answers.clear();
     }
+    (kept.state == state).then(|| work(&mut kept.answers))
 }
 
 /// Lets a request that may write end even if its client leaves. Otherwise SQLite would still make a commit that nobody waits for
@@ -143,32 +161,60 @@ mod tests {
         }
     }
 
+    fn state(all: u64, lasting: u64) -> State {
+        State {
+            all: Some(all),
+            lasting: Some(lasting),
+        }
+    }
+
     #[test]
     fn an_answer_lasts_until_the_next_write() {
         let answers = Answers::default();
         let (a, b) = (question("/a", None), question("/a", Some("text/csv")));
-        answers.keep(3, a.clone(), &answer(1));
-        assert_eq!(answers.get(3, &a), Some(answer(1)));
-        assert_eq!(answers.get(3, &b), None, "another form");
-        assert_eq!(answers.get(4, &a), None, "after a write");
-        answers.keep(3, a.clone(), &answer(1));
-        assert_eq!(answers.get(4, &a), None, "read before the write, and made after it");
-        assert_eq!(answers.get(3, &a), None);
+        answers.keep(state(3, 1), FromStore::All, a.clone(), &answer(1));
+        assert_eq!(answers.get(state(3, 1), &a), Some(answer(1)));
+        assert_eq!(answers.get(state(3, 1), &b), None, "another form");
+        assert_eq!(answers.get(state(4, 1), &a), None, "after a write");
+        answers.keep(state(3, 1), FromStore::All, a.clone(), &answer(1));
+        assert_eq!(
+            answers.get(state(4, 1), &a),
+            None,
+            "read before the write, and made after it"
+        );
+        assert_eq!(answers.get(state(3, 1), &a), None);
+    }
+
+    #[test]
+    fn posted_results_leave_some_answers() {
+        let answers = Answers::default();
+        let (a, b) = (question("/a", None), question("/b", None));
+        answers.keep(state(3, 1), FromStore::All, a.clone(), &answer(1));
+        answers.keep(state(3, 1), FromStore::Lasting, b.clone(), &answer(2));
+        let (all, lasting) = (None, Some(1));
+        let now = State { all, lasting };
+        assert_eq!(answers.get(now, &a), None, "while they are written");
+        assert_eq!(answers.get(now, &b), Some(answer(2)));
+        assert_eq!(answers.get(state(4, 1), &a), None);
+        assert_eq!(answers.get(state(4, 1), &b), Some(answer(2)));
+        assert_eq!(answers.get(State::default(), &b), None, "while anything is written");
+        assert_eq!(answers.get(state(5, 2), &b), None);
     }
 
     #[test]
     fn memory_has_a_limit() {
         let answers = Answers::default();
-        let (small, large) = (question("/small", None), question("/large", None));
-        answers.keep(1, large.clone(), &answer(MAX_BYTES));
-        assert_eq!(answers.get(1, &large), None);
-        answers.keep(1, small.clone(), &answer(1));
-        for i in 1..MAX_ANSWERS {
-            answers.keep(1, question(&i.to_string(), None), &answer(1));
-        }
-        assert_eq!(answers.get(1, &small), Some(answer(1)));
-        answers.keep(1, question("/one more", None), &answer(1));
-        assert_eq!(answers.get(1, &small), None);
+        let keep = |address: &str, n_bytes| {
+            answers.keep(state(1, 1), FromStore::All, question(address, None), &answer(n_bytes));
+        };
+        let has = |address: &str| answers.get(state(1, 1), &question(address, None)).is_some();
+        keep("/large", MAX_BYTES);
+        assert!(!has("/large"));
+        keep("/small", 1);
+        (1..MAX_ANSWERS).for_each(|i| keep(&i.to_string(), 1));
+        assert!(has("/small"));
+        keep("/one more", 1);
+        assert!(!has("/small"));
     }
 
     /// Whether the handler of a request ends whose client left before it could.

@@ -27,7 +27,7 @@ pub async fn tag(State(service): State<Arc<Service>>, request: Request<Body>, ne
     let has = request.headers().get(header::IF_NONE_MATCH).cloned();
     let question = Question::of(&request);
     let state = service.store.state();
-    if let Some(kept) = state.and_then(|state| service.answers.get(state, &question)) {
+    if let Some(kept) = service.answers.get(state, &question) {
         return send(kept, has);
     }
     let response = next.run(request).await;
@@ -48,8 +48,8 @@ pub async fn tag(State(service): State<Arc<Service>>, request: Request<Body>, ne
         headers: parts.headers,
         body,
     };
-    if let (Some(FromStore), Some(state)) = (parts.extensions.get(), state) {
-        service.answers.keep(state, question, &answer);
+    if let Some(&kind) = parts.extensions.get::<FromStore>() {
+        service.answers.keep(state, kind, question, &answer);
     }
     send(answer, has)
 }

@@ -2,7 +2,7 @@
 
 use super::{
     ApiError, ApiPath, ApiQuery, Service, Shared,
-    answers::FROM_STORE,
+    answers::LASTING_FROM_STORE,
     blobs,
     extract::ApiJson,
     origin::{EnvironmentRequest, Origin, check_name, invalid, with_origin},
@@ -391,7 +391,7 @@ async fn load(service: &Service, id: i64) -> Result<JobWithReports, ApiError> {
 
 /// One job with its reports.
 pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<impl IntoResponse, ApiError> {
-    Ok((FROM_STORE, Json(load(&service, id).await?)))
+    Ok((LASTING_FROM_STORE, Json(load(&service, id).await?)))
 }
 
 /// Query of `GET /jobs`.
@@ -436,7 +436,7 @@ pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<JobQuery>) -
     };
     let jobs = service.store.jobs(&filter).await?;
     let next_cursor = page::next(&jobs, limit, |job| job.id);
-    Ok((FROM_STORE, Json(JobPage { jobs, next_cursor })))
+    Ok((LASTING_FROM_STORE, Json(JobPage { jobs, next_cursor })))
 }
 
 /// Cancels a job: 200 if it will never run, 202 if it ends after its current frame.

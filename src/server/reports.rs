@@ -2,7 +2,7 @@
 
 use super::{
     ApiError, ApiPath, ApiQuery, Service, Shared,
-    answers::FROM_STORE,
+    answers::{FROM_STORE, FromStore, LASTING_FROM_STORE},
     export::{Column, Format, Table},
     page::{self, Cursor},
 };
@@ -13,7 +13,7 @@ use crate::{
     taa::validation::Validation,
 };
 use axum::{
-    Json,
+    Extension, Json,
     extract::State,
     http::{HeaderMap, StatusCode},
     response::{IntoResponse, Response},
@@ -26,6 +26,15 @@ use std::{collections::BTreeSet, str::FromStr as _, sync::Arc};
 pub async fn find(service: &Service, id: i64) -> Result<Arc<Report>, ApiError> {
     let found = service.store.report(id).await?;
     found.ok_or_else(|| ApiError::not_found(format!("there is no report {id}")))
+}
+
+/// How long what is said of a report holds: once it is complete, nobody adds to it.
+fn kept_as(report: &Report) -> Extension<FromStore> {
+    if report.complete {
+        LASTING_FROM_STORE
+    } else {
+        FROM_STORE
+    }
 }
 
 /// Query of `GET /reports`.
@@ -94,7 +103,8 @@ async fn subject(service: &Service, sequence: Option<String>) -> Result<Option<S
 
 /// One report without its frames.
 pub async fn get(State(service): Shared, ApiPath(id): ApiPath<i64>) -> Result<impl IntoResponse, ApiError> {
-    Ok((FROM_STORE, Json(find(&service, id).await?)))
+    let report = find(&service, id).await?;
+    Ok((kept_as(&report), Json(report)))
 }
 
 /// How far the adapter is from the twin, with every pass of every frame.
@@ -131,10 +141,10 @@ pub async fn rows(
     ApiQuery(query): ApiQuery<RowsQuery>,
     headers: HeaderMap,
 ) -> Result<Response, ApiError> {
-    find(&service, id).await?;
+    let report = find(&service, id).await?;
     let frames = service.store.frames(id).await?;
     match Format::of(query.format, &headers) {
-        Format::Json => Ok((FROM_STORE, Json(FrameList { frames })).into_response()),
+        Format::Json => Ok((kept_as(&report), Json(FrameList { frames })).into_response()),
         format => frame_table(&frames).respond(format, &format!("report-{id}")),
     }
 }

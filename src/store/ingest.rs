@@ -174,11 +174,11 @@ impl Desk {
         batch: &[Post],
         stale: &AtomicBool,
     ) -> Result<Vec<Result<i64, StoreError>>, StoreError> {
-        let mut connection = writer.acquire().await?;
+        let mut connection = writer.acquire_for_posts().await?;
         if stale.swap(false, SeqCst) {
             *self = Self::default();
         }
-        let written = self.transaction(&mut connection, batch).await;
+        let written = self.transaction(writer, &mut connection, batch).await;
         if written.is_err() {
             *self = Self::default();
         }
@@ -187,6 +187,7 @@ impl Desk {
 
     async fn transaction(
         &mut self,
+        writer: &WriterPool,
         connection: &mut SqliteConnection,
         batch: &[Post],
     ) -> Result<Vec<Result<i64, StoreError>>, StoreError> {
@@ -200,6 +201,7 @@ impl Desk {
             };
             results.push(result);
         }
+        let _turn = writer.posts();
         transaction.commit().await?;
         Ok(results)
     }

@@ -48,6 +48,7 @@ pub use tokens::{NewToken, Scope, Token, random_secret, token_hash};
 pub use trend::{BranchPath, Point, TrendFilter, TrendPoint, downsample};
 pub use verdicts::{Alert, AlertFilter, AlertStatus, Decision, Verdict};
 pub use webhooks::{Delivery, DeliveryStatus, Webhook};
+pub use writer::State;
 
 use self::{cache::Cache, trend::Described, writer::WriterPool};
 use crate::run::report::FrameReport;
@@ -200,9 +201,8 @@ impl Store {
         &self.ingest
     }
 
-    /// The number of what readers find, which grows with every write of this process; none while somebody writes. What was read
-    /// in one state is what anybody reads in it.
-    pub fn state(&self) -> Option<u64> {
+    /// What was read in one state is what anybody reads in it.
+    pub fn state(&self) -> State {
         self.writer.state()
     }
 

@@ -2,15 +2,27 @@
 
 use crate::{
     posting::report,
+    store,
     store_lines::external,
-    support::service::{Idle, TestService},
+    support::service::{Idle, TestService, packed},
 };
-use afterimage::store::Store;
+use afterimage::store::{NewJob, Store, Timestamp};
 use serde_json::json;
 use std::{
+    path::Path,
     sync::atomic::{AtomicBool, Ordering::Relaxed},
     thread,
 };
+
+/// Writes behind the service's back, which no client can do: what it still says is what it kept.
+fn behind(data: &Path, write: impl AsyncFnOnce(&Store)) {
+    let work = async {
+        let store = Store::open(&data.join("afterimage.sqlite")).await.unwrap();
+        write(&store).await;
+        store.close().await;
+    };
+    tokio::runtime::Runtime::new().unwrap().block_on(work);
+}
 
 #[test]
 fn answers_are_given_again_until_something_is_written() {
@@ -25,20 +37,35 @@ fn answers_are_given_again_until_something_is_written() {
     };
     let first = asked();
     assert_eq!(first.0, "c1");
-    // Behind the service's back, which no client can do: what it still says is what it kept.
-    let behind = async {
-        let database = service.data.path().join("afterimage.sqlite");
-        let store = Store::open(&database).await.unwrap();
+    behind(service.data.path(), async |store| {
         store.ingest().report(external("main", "c2", &[1.0])).await.unwrap();
-        store.close().await;
-    };
-    tokio::runtime::Runtime::new().unwrap().block_on(behind);
+    });
     assert_eq!(asked(), first);
     assert_eq!(client.get("/reports?limit=2").json()["reports"][0]["commit"], "c2");
     client.posted("/reports", &report(json!({"commit": "c3"})));
     let last = asked();
     assert_eq!(last.0, "c3");
     assert_ne!(last.1, first.1);
+}
+
+#[test]
+fn posted_results_leave_what_was_said_of_jobs() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let n_jobs = || client.get("/jobs").json()["jobs"].as_array().unwrap().len();
+    assert_eq!(n_jobs(), 0);
+    behind(service.data.path(), async |store| {
+        let job = NewJob {
+            sequence_id: None,
+            ..store::job(0, &["ema"])
+        };
+        let id = store.enqueue(&job, Timestamp::now()).await.unwrap();
+        store.cancel(id, Timestamp::now()).await.unwrap();
+    });
+    client.posted("/reports", &report(json!({})));
+    assert_eq!(n_jobs(), 0);
+    client.put("pan", &packed("pan"));
+    assert_eq!(n_jobs(), 1);
 }
 
 /// Says that it is done however that came about.

@@ -1,7 +1,10 @@
 //! The service from outside: a real listener, a real client, and for whole jobs a real worker on a GPU. What only the
 //! worker's reactions need (failures, cancelling, stopping) runs scripted jobs instead.
 
-use crate::support::service::{Answer, Client, TestService, fixture, packed};
+use crate::{
+    posting::report,
+    support::service::{Answer, Client, TestService, fixture, packed},
+};
 use afterimage::{
     run::{Observer, RunError, RunSpec, report::Report},
     taa,
@@ -10,9 +13,7 @@ use afterimage::{
 use serde_json::{Value, json};
 use std::{
     io::{BufRead, BufReader, Write},
-    net::TcpListener,
     path::Path,
-    process::{Child, Command, Stdio},
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering::SeqCst},
@@ -475,63 +476,19 @@ fn a_client_that_heard_an_event_is_not_told_it_again() {
     assert!(other.text().contains("event: failed"), "{}", other.text());
 }
 
-/// The program itself, serving `data`.
-struct Served {
-    process: Child,
-    client: Client,
-}
-
-impl Served {
-    fn start(data: &Path) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-        let process = Command::new(env!("CARGO_BIN_EXE_afterimage"))
-            .args(["serve", "--listen", &port.to_string(), "--data", data.to_str().unwrap()])
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let served = Self {
-            process,
-            client: Client(port),
-        };
-        let deadline = Instant::now() + Duration::from_secs(20);
-        while ureq::get(format!("http://{port}/api/v1/health")).call().is_err() {
-            assert!(Instant::now() < deadline, "the service does not answer");
-            thread::sleep(Duration::from_millis(50));
-        }
-        served
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        // SIGKILL: exactly what the test below is about.
-        self.process.kill().unwrap();
-        self.process.wait().unwrap();
-    }
-}
-
 #[test]
-fn a_killed_service_takes_its_job_up_again() {
-    let data = tempfile::tempdir().unwrap();
-    let served = Served::start(data.path());
-    assert_eq!(served.client.put("pan", &packed("pan")).status, 201);
-    let job = json!({"sequence": "pan", "presets": EVERY_PRESET, "repeat": 100, "history": "f32"});
-    let id = served.client.start_job(&job);
-    let deadline = Instant::now() + Duration::from_secs(30);
-    loop {
-        let job = served.client.wait_for(id, &["running"]);
-        if job["n_done"].as_i64() > Some(0) {
-            break;
-        }
-        assert!(Instant::now() < deadline, "{job}");
-        thread::sleep(Duration::from_millis(20));
+fn posts_wait_for_others_while_a_job_runs() {
+    const DISTANCE: Duration = Duration::from_millis(40);
+    let service = TestService::start(Scripted(endless), &[]);
+    let client = service.client();
+    client.put("pan", &packed("pan"));
+    let id = client.start_job(&json!({"sequence": "pan", "presets": ["none"]}));
+    client.wait_for(id, &["running"]);
+    let start = Instant::now();
+    for _ in 0..4 {
+        client.posted("/reports", &report(json!({})));
     }
-    drop(served);
-
-    let served = Served::start(data.path());
-    let job = served.client.wait_for(id, &["done", "failed"]);
-    assert_eq!((&job["status"], &job["attempts"]), (&json!("done"), &json!(2)), "{job}");
-    assert_eq!(job["reports"].as_array().unwrap().len(), 5);
+    assert!(start.elapsed() >= 3 * DISTANCE, "{:?}", start.elapsed());
 }
 
 /// The check of a sequence, once it is there.

@@ -31,6 +31,7 @@ mod presets;
 mod properties;
 mod run;
 mod sequence;
+mod served;
 mod several;
 mod shaders;
 mod skipping;

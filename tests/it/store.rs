@@ -49,7 +49,7 @@ fn sequence(hash: &str, name: &str) -> NewSequence {
     }
 }
 
-fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
+pub fn job(sequence_id: i64, presets: &[&str]) -> NewJob {
     let preset = |id: &&str| PresetSpec {
         preset: (*id).to_owned(),
         parameters: serde_json::Map::new(),

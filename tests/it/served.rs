@@ -1,0 +1,85 @@
+//! The program itself, serving.
+
+use crate::support::service::{Client, packed};
+use serde_json::json;
+use std::{
+    fs,
+    net::TcpListener,
+    path::Path,
+    process::{Child, Command, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+/// The program itself, serving `data`.
+struct Served {
+    process: Child,
+    client: Client,
+}
+
+impl Served {
+    fn start(data: &Path) -> Self {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        let process = Command::new(env!("CARGO_BIN_EXE_afterimage"))
+            .args(["serve", "--listen", &port.to_string(), "--data", data.to_str().unwrap()])
+            .env_remove("LP_NUM_THREADS")
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let served = Self {
+            process,
+            client: Client(port),
+        };
+        let deadline = Instant::now() + Duration::from_secs(20);
+        while ureq::get(format!("http://{port}/api/v1/health")).call().is_err() {
+            assert!(Instant::now() < deadline, "the service does not answer");
+            thread::sleep(Duration::from_millis(50));
+        }
+        served
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        // SIGKILL: exactly what the test below is about.
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+    }
+}
+
+#[test]
+fn a_killed_service_takes_its_job_up_again() {
+    let data = tempfile::tempdir().unwrap();
+    let served = Served::start(data.path());
+    assert_eq!(served.client.put("pan", &packed("pan")).status, 201);
+    let presets = ["none", "ema", "inside", "karis2014", "salvi2016"];
+    let job = json!({"sequence": "pan", "presets": presets, "repeat": 100, "history": "f32"});
+    let id = served.client.start_job(&job);
+    let deadline = Instant::now() + Duration::from_secs(30);
+    loop {
+        let job = served.client.wait_for(id, &["running"]);
+        if job["n_done"].as_i64() > Some(0) {
+            break;
+        }
+        assert!(Instant::now() < deadline, "{job}");
+        thread::sleep(Duration::from_millis(20));
+    }
+    drop(served);
+
+    let served = Served::start(data.path());
+    let job = served.client.wait_for(id, &["done", "failed"]);
+    assert_eq!((&job["status"], &job["attempts"]), (&json!("done"), &json!(2)), "{job}");
+    assert_eq!(job["reports"].as_array().unwrap().len(), 5);
+}
+
+#[test]
+fn the_service_gives_lavapipe_four_threads_a_core() {
+    let data = tempfile::tempdir().unwrap();
+    let served = Served::start(data.path());
+    let environment = fs::read_to_string(format!("/proc/{}/environ", served.process.id())).unwrap();
+    let n_threads = environment
+        .split('\0')
+        .find_map(|it| it.strip_prefix("LP_NUM_THREADS="));
+    let n_cores = thread::available_parallelism().unwrap().get();
+    assert_eq!(n_threads, Some((4 * n_cores).to_string().as_str()));
+}
