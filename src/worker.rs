@@ -406,6 +406,16 @@ struct JobObserver<'a> {
     progress: &'a Progress,
 }
 
+impl JobObserver<'_> {
+    /// Of the images, and of how they came about; a job that keeps none writes neither.
+    fn format(&self) -> FloatFormat {
+        match self.claim.spec.images {
+            Images::None | Images::Half => FloatFormat::Half,
+            Images::Float => FloatFormat::Float,
+        }
+    }
+}
+
 impl Observer for JobObserver<'_> {
     fn progress(&self, n_done: usize, n_total: usize) {
         self.progress.n_done.store(n_done, Relaxed);
@@ -417,16 +427,11 @@ impl Observer for JobObserver<'_> {
     }
 
     fn output(&self, preset_index: usize, frame_index: usize, image: &Image<Rgb>) -> Result<(), io::Error> {
-        let format = match self.claim.spec.images {
-            Images::None => return Ok(()),
-            Images::Half => FloatFormat::Half,
-            Images::Float => FloatFormat::Float,
-        };
         let path = self.worker.folder.output(self.claim.job_id, preset_index, frame_index);
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
         }
-        write_rgb_exr(&path, image, format).map_err(io::Error::other)
+        write_rgb_exr(&path, image, self.format()).map_err(io::Error::other)
     }
 
     fn trace(
@@ -438,7 +443,7 @@ impl Observer for JobObserver<'_> {
     ) -> Result<(), io::Error> {
         let folder = &self.worker.folder;
         let path = folder.trace(self.claim.job_id, preset_index, frame_index, trace);
-        write_map_exr(&path, image).map_err(io::Error::other)
+        write_map_exr(&path, image, self.format()).map_err(io::Error::other)
     }
 
     fn cancelled(&self) -> bool {

@@ -14,7 +14,7 @@ use crate::{
         Image,
         files::{
             ImageError,
-            exr::write_map_exr,
+            exr::{FloatFormat, write_map_exr},
             png::{encode_png, write_png},
         },
     },
@@ -90,7 +90,7 @@ impl Map {
         let scale = self.scale();
         let file = |extension: &str| folder.join(format!("{name}.{extension}"));
         write_png(&file("png"), &self.draw(scale), &self.texts(scale))?;
-        write_map_exr(&file("exr"), &self.values)
+        write_map_exr(&file("exr"), &self.values, FloatFormat::Float)
     }
 
     fn draw(&self, Scale { black, white }: Scale) -> Image<[u8; 3]> {

@@ -200,7 +200,7 @@ fn write_frame(place: &Path, frame: &BakedFrame) -> Result<(), BakeError> {
         .chain([("reactive", Plane::F32(frame.reactive.pixels().to_vec()))])
         .collect();
     let path = place.join("input").join(format!("color_{name}"));
-    write_exr(&path, extent, &colors, FloatFormat::Half, Compression::PIZ)?;
+    write_exr(&path, extent, &colors, FloatFormat::Half, Compression::ZIP16)?;
     let (names, planes): (Vec<String>, Vec<Plane>) = geometry.into_iter().unzip();
     let mut geometry: Vec<_> = names.iter().map(String::as_str).zip(planes).collect();
     geometry.push(("id", Plane::U32(frame.object_id.pixels().to_vec())));

@@ -90,7 +90,10 @@ impl Encoder<'_> {
     pub fn error(&self, error: &Image<f32>, scale: Scale) -> Result<Response, ApiError> {
         let mut response = match self.encoding {
             Encoding::Png => respond(self.png(&false_color(error, scale.white), &[]), self.encoding),
-            Encoding::Exr => respond(self.exr_bytes(|path| write_map_exr(path, error))?, self.encoding),
+            Encoding::Exr => respond(
+                self.exr_bytes(|path| write_map_exr(path, error, FloatFormat::Float))?,
+                self.encoding,
+            ),
             Encoding::Halves => map_halves(error, scale),
         };
         if let Ok(value) = HeaderValue::from_str(&scale.white.to_string()) {
@@ -107,7 +110,10 @@ impl Encoder<'_> {
             ..default
         };
         Ok(match self.encoding {
-            Encoding::Exr => respond(self.exr_bytes(|path| write_map_exr(path, &map.values))?, self.encoding),
+            Encoding::Exr => respond(
+                self.exr_bytes(|path| write_map_exr(path, &map.values, FloatFormat::Float))?,
+                self.encoding,
+            ),
             Encoding::Png if self.width.is_none() => respond(map.encode_png(scale), self.encoding),
             Encoding::Png => {
                 let Scale { black, white } = scale;

@@ -55,30 +55,39 @@ pub fn write_exr(
     let size = (extent.width as usize, extent.height as usize);
     let channels = AnyChannels::sort(list.collect::<Result<_, _>>()?);
     let image = ExrImage::from_layer(Layer::new(size, LayerAttributes::default(), encoding, channels));
+    let writer = match compression {
+        // A line a block, which takes a thread less time than being told of it.
+        Compression::RLE => image.write().non_parallel(),
+        _ => image.write(),
+    };
     atomically(path, |file| {
-        image.write().to_buffered(file).map_err(|error| match error {
+        writer.to_buffered(file).map_err(|error| match error {
             ::exr::error::Error::Io(source) => ImageError::io(path)(source),
             error => ImageError::unsupported(path, error.to_string()),
         })
     })
 }
 
-/// Writes red, green and blue. PIZ encodes the halves of noisy renders in a third of ZIP's time, to about the same size. Of
-/// floats, whose last bits are all different, it takes as long to encode and five times as long to decode.
+/// Writes red, green and blue.
 pub fn write_rgb_exr(path: &Path, image: &Image<[f32; 3]>, format: FloatFormat) -> Result<(), ImageError> {
     let plane = |channel: usize| Plane::F32(image.pixels().iter().map(|pixel| pixel[channel]).collect());
     let channels = [("R", plane(0)), ("G", plane(1)), ("B", plane(2))];
-    let compression = match format {
-        FloatFormat::Half => Compression::PIZ,
-        FloatFormat::Float => Compression::ZIP16,
-    };
-    write_exr(path, image.extent(), &channels, format, compression)
+    write_exr(path, image.extent(), &channels, format, compression(format))
 }
 
-/// Writes one value a pixel, as channel `Y` in 32 bits.
-pub fn write_map_exr(path: &Path, map: &Image<f32>) -> Result<(), ImageError> {
+/// Writes one value a pixel, as channel `Y`.
+pub fn write_map_exr(path: &Path, map: &Image<f32>, format: FloatFormat) -> Result<(), ImageError> {
     let channels = [("Y", Plane::F32(map.pixels().to_vec()))];
-    write_exr(path, map.extent(), &channels, FloatFormat::Float, Compression::ZIP16)
+    write_exr(path, map.extent(), &channels, format, compression(format))
+}
+
+/// Of what is computed while somebody waits. Run lengths of halves take a quarter of ZIP's time, and a third to four fifths more
+/// space; of floats, whose last bits are all different, they save none.
+fn compression(format: FloatFormat) -> Compression {
+    match format {
+        FloatFormat::Half => Compression::RLE,
+        FloatFormat::Float => Compression::ZIP16,
+    }
 }
 
 /// Gives `write` a file beside `path` and renames it to `path` when that succeeds.
