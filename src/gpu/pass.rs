@@ -212,9 +212,9 @@ impl<'a> Invocation<'a> {
         self.ready(gpu, workgroups)
     }
 
-    /// A dispatch of as many workgroups as the first three words of `workgroups` say when it runs.
-    pub fn indirect(self, gpu: &Gpu, workgroups: &wgpu::Buffer) -> Result<Dispatch<'a>, GpuError> {
-        self.ready(gpu, Workgroups::In(workgroups.clone()))
+    /// A dispatch of as many workgroups as three words of `workgroups`, `offset` bytes into it, say when it runs.
+    pub fn indirect(self, gpu: &Gpu, workgroups: &wgpu::Buffer, offset: u64) -> Result<Dispatch<'a>, GpuError> {
+        self.ready(gpu, Workgroups::In(workgroups.clone(), offset))
     }
 
     fn ready(self, gpu: &Gpu, workgroups: Workgroups) -> Result<Dispatch<'a>, GpuError> {
@@ -293,7 +293,7 @@ pub struct Dispatch<'a> {
 #[derive(Clone, Debug)]
 enum Workgroups {
     Of([u32; 2]),
-    In(wgpu::Buffer),
+    In(wgpu::Buffer, u64),
 }
 
 impl<'a> Dispatch<'a> {
@@ -346,7 +346,7 @@ impl<'a> Dispatch<'a> {
 
     /// Whether it is for the device to say how much of it runs.
     pub fn is_indirect(&self) -> bool {
-        matches!(self.workgroups, Workgroups::In(_))
+        matches!(self.workgroups, Workgroups::In(..))
     }
 
     fn record_workgroups(
@@ -374,7 +374,7 @@ impl Workgroups {
         compute.set_bind_group(0, bind_group, &[]);
         match self {
             Self::Of([x, y]) => compute.dispatch_workgroups(*x, *y, 1),
-            Self::In(buffer) => compute.dispatch_workgroups_indirect(buffer, 0),
+            Self::In(buffer, offset) => compute.dispatch_workgroups_indirect(buffer, *offset),
         }
     }
 }

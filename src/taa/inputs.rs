@@ -290,10 +290,7 @@ impl Inputs {
             let merge = merge.dispatch(recorder.gpu, &self.color, &self.motion, self.depth.current())?;
             recorder.record(&merge)?;
         }
-        let changed = self.tracked.as_ref().map(|tracked| Cover {
-            list: &tracked.changed,
-            is_worth_listing: tracked.changed_share < WORTH_LISTING,
-        });
+        let changed = self.changed();
         for (preparation, prepared) in &self.prepared {
             let counters = [&prepared.repaired_texels];
             recorder.record_tiled(&prepared.pass, changed, self.sizes.render, &counters, |pass| {
@@ -305,6 +302,14 @@ impl Inputs {
             })?;
         }
         Ok(())
+    }
+
+    /// The tiles whose images changed, where changes are tracked: all that passes over images alone must run over.
+    fn changed(&self) -> Option<Cover<'_>> {
+        self.tracked.as_ref().map(|tracked| Cover {
+            list: &tracked.changed,
+            is_worth_listing: tracked.changed_share < WORTH_LISTING,
+        })
     }
 
     /// The count of hostile texels that preparing a colour repaired: one `u32`.
@@ -345,6 +350,11 @@ impl<'a> View<'a> {
     /// Whether the frame's images are those of the frame before.
     pub fn is_repeat(self) -> bool {
         self.inputs.is_repeat()
+    }
+
+    /// The tiles whose images changed within the recipe's reach, where changes are tracked.
+    pub fn changed(self) -> Option<Cover<'a>> {
+        self.inputs.changed()
     }
 
     /// How the frame repeats the one before.
@@ -438,16 +448,19 @@ impl Tracked {
             })
         };
         let n_tiles = n_tiles(extent);
-        gpu.scope("making room for tiles", || Self {
-            changes: Changes::new(extent, channels, reach_px),
-            changed: List::new(gpu, n_tiles),
-            changed_share: 1.0,
-            flags: buffer("flags of tiles", n_tiles),
-            regions: buffer("regions of tiles", 2 * n_tiles),
-            is_repeat: false,
-            was_repeat: false,
-            keeps: false,
-            keeps_jitter: false,
+        gpu.scope("making room for tiles", || {
+            let [changed] = List::several(gpu, n_tiles);
+            Self {
+                changes: Changes::new(extent, channels, reach_px),
+                changed,
+                changed_share: 1.0,
+                flags: buffer("flags of tiles", n_tiles),
+                regions: buffer("regions of tiles", 2 * n_tiles),
+                is_repeat: false,
+                was_repeat: false,
+                keeps: false,
+                keeps_jitter: false,
+            }
         })
     }
 

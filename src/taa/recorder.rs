@@ -136,7 +136,10 @@ impl Recorder<'_> {
         list: &List,
         counters: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
-        let dispatch = pass.bind("tile_list", list.words()).indirect(self.gpu, list.words())?;
+        let (workgroups, offset) = list.dispatch();
+        let dispatch = pass
+            .bind("tile_list", list.tiles())
+            .indirect(self.gpu, workgroups, offset)?;
         self.record_counting(&dispatch, counters)
     }
 

@@ -7,7 +7,7 @@ use super::{
     temporal::Builder,
     tiles::Tiles,
 };
-use crate::gpu::{GpuError, Pass, Texture};
+use crate::gpu::{GpuError, Texture};
 use wgpu::TextureFormat;
 
 const EDGES: &str = include_str!("../../shaders/taa/sobel2018/edges.wgsl");
@@ -15,7 +15,7 @@ const STABILISE: &str = include_str!("../../shaders/taa/sobel2018/stabilise.wgsl
 
 #[derive(Debug)]
 pub struct Edges {
-    find: Pass,
+    find: TiledPass,
     stabilise: TiledPass,
     edges: Texture,
     /// 32-bit whatever the precision, because adapters need not store one channel of f16; rounded to it all the same.
@@ -28,7 +28,7 @@ impl Edges {
 
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
         let [find, stabilise] = Self::PASSES;
-        let find = builder.pass(find, EDGES, &[])?;
+        let find = builder.tiled_pass(find, EDGES)?;
         let stabilise = builder.tiled_pass(stabilise, STABILISE)?;
         let (gpu, extent) = (builder.gpu, builder.sizes.render);
         let scalar = |label| Texture::new(gpu, label, extent, TextureFormat::R32Float);
@@ -48,12 +48,10 @@ impl Edges {
         tiles: Option<&Tiles>,
     ) -> Result<(), GpuError> {
         self.history.advance();
-        let find = view
-            .bind_to(&self.find)
-            .bind("edges", &self.edges)
-            .over(recorder.gpu, view.sizes().render)?;
-        recorder.record_unless(view.is_repeat(), &find)?;
         let extent = view.sizes().render;
+        recorder.record_tiled(&self.find, view.changed(), extent, &[], |pass| {
+            view.bind_to(pass).bind("edges", &self.edges)
+        })?;
         recorder.record_tiled(&self.stabilise, tiles.map(Tiles::computed), extent, &[], |pass| {
             view.bind_to(pass)
                 .bind("edges", &self.edges)

@@ -31,7 +31,7 @@ use super::{
 };
 use crate::{
     gpu::{Gpu, GpuError, Pass, Readback, Texture},
-    image::Extent,
+    image::{Extent, Image},
     sequence::Sizes,
 };
 use wgpu::BufferUsages;
@@ -54,8 +54,11 @@ const NO_TILE: u32 = !0;
 /// The most workgroups along one axis of a dispatch.
 const MAX_TILES: usize = 65535;
 
-/// Words of a list before its tiles.
+/// Words of a list's head: workgroups a span, spans, 1, tiles. The first three are a dispatch.
 const HEAD: usize = 4;
+
+/// How many tiles of a list stand in a row of its texture.
+const LIST_WIDTH: u32 = 256;
 
 /// One recipe's lists and what they are made from.
 #[derive(Debug)]
@@ -81,7 +84,11 @@ pub struct Tiles {
 /// Tiles in no order, and the dispatch over them: see `shaders/taa/tiles/listed.wgsl`.
 #[derive(Debug)]
 pub struct List {
-    words: wgpu::Buffer,
+    /// With those of others.
+    heads: wgpu::Buffer,
+    /// Where its own begins.
+    offset: u64,
+    tiles: Texture,
     /// How many a workgroup covers, or a part of.
     tiles_a_span: usize,
     workgroups_a_span: u32,
@@ -198,17 +205,20 @@ impl Tiles {
             .then(|| builder.listed_pass(SETTLE_PASS, SETTLE, &settles))
             .transpose()?;
         let n_tiles = n_tiles(builder.sizes.output);
-        gpu.scope("making room for tiles", || Self {
-            classify,
-            settle,
-            wanted: recipe.wanted_flags(),
-            wanted_of_carried: recipe.wanted_flags_of_carried(),
-            notes: Carried::of([0, 1].map(|_| words(gpu, "notes of tiles", n_tiles))),
-            computed: List::new(gpu, n_tiles),
-            beside: List::new(gpu, n_tiles),
-            hopeful: List::new(gpu, n_tiles),
-            is_worth_listing: false,
-            n_tiles,
+        gpu.scope("making room for tiles", || {
+            let [computed, beside, hopeful] = List::several(gpu, n_tiles);
+            Self {
+                classify,
+                settle,
+                wanted: recipe.wanted_flags(),
+                wanted_of_carried: recipe.wanted_flags_of_carried(),
+                notes: Carried::of([0, 1].map(|_| words(gpu, "notes of tiles", n_tiles))),
+                computed,
+                beside,
+                hopeful,
+                is_worth_listing: false,
+                n_tiles,
+            }
         })
     }
 
@@ -244,9 +254,10 @@ impl Tiles {
             .bind("regions", repetition.regions)
             .bind("notes_before", self.notes.previous())
             .bind("notes", self.notes.current())
-            .bind("computed", &self.computed.words)
-            .bind("beside", &self.beside.words)
-            .bind("hopeful", &self.hopeful.words)
+            .bind("heads", &self.computed.heads)
+            .bind("computed", &self.computed.tiles)
+            .bind("beside", &self.beside.tiles)
+            .bind("hopeful", &self.hopeful.tiles)
             .uniform(
                 "wanted",
                 &[
@@ -257,8 +268,7 @@ impl Tiles {
                 ],
             )
             .over(recorder.gpu, size)?;
-        let lists = [&self.computed, &self.beside, &self.hopeful].map(|list| &list.words);
-        recorder.record_counting(&classify, &lists)
+        recorder.record_counting(&classify, &[&self.computed.heads])
     }
 
     /// Records what is noted of the frame for the next one, after its other passes; `history` and `edges` before and after them.
@@ -299,83 +309,91 @@ impl Tiles {
 
     /// Copies which tiles were computed, and how many were looked at afterwards; see [`Kept`].
     pub fn copy_back(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Kept {
-        let n_bytes = 4 * (HEAD + self.n_tiles) as u64;
         Kept {
-            computed: readback.copy_buffer(gpu, encoder, &self.computed.words, n_bytes),
-            hopeful: readback.copy_buffer(gpu, encoder, &self.hopeful.words, 4 * HEAD as u64),
+            heads: readback.copy_buffer(gpu, encoder, &self.computed.heads, self.computed.heads.size()),
+            computed: readback.copy_texture(gpu, encoder, &self.computed.tiles),
+            extent: self.computed.tiles.extent(),
             n_tiles: self.n_tiles,
         }
     }
 }
 
 impl List {
-    /// An empty one with room for `n_tiles`.
-    pub fn new(gpu: &Gpu, n_tiles: usize) -> Self {
+    /// Empty ones with room for `n_tiles` each, whose heads are one after the other in one buffer.
+    pub fn several<const N: usize>(gpu: &Gpu, n_tiles: usize) -> [Self; N] {
         let workgroup = gpu.workgroup();
         let tiles_a_span = (workgroup.x / TILE).max(1);
-        Self {
-            words: words(
-                gpu,
-                "listed tiles",
-                HEAD + n_tiles.next_multiple_of(tiles_a_span as usize),
-            ),
+        let n_places = (n_tiles as u32).next_multiple_of(tiles_a_span);
+        let extent = Extent::new(LIST_WIDTH, n_places.div_ceil(LIST_WIDTH));
+        let heads = words(gpu, "dispatches over tiles", N * HEAD);
+        std::array::from_fn(|index| Self {
+            heads: heads.clone(),
+            offset: (4 * HEAD * index) as u64,
+            tiles: Texture::new(gpu, "listed tiles", extent, wgpu::TextureFormat::R32Uint),
             tiles_a_span: tiles_a_span as usize,
             workgroups_a_span: tiles_a_span * TILE * TILE / workgroup.n_invocations(),
-        }
+        })
     }
 
     /// Makes it a list of `tiles`, column and row each.
     pub fn write(&self, gpu: &Gpu, tiles: impl Iterator<Item = [u32; 2]>) {
-        let mut words = vec![0; HEAD];
-        words.extend(tiles.map(|[x, y]| (x | y << 16) + 1));
-        let n_tiles = words.len() - HEAD;
+        let mut places: Vec<u32> = tiles.map(|[x, y]| (x | y << 16) + 1).collect();
+        let n_tiles = places.len();
         let n_spans = n_tiles.div_ceil(self.tiles_a_span);
-        words[..HEAD].copy_from_slice(&[self.workgroups_a_span, n_spans as u32, 1, n_tiles as u32]);
-        words.resize(HEAD + n_spans * self.tiles_a_span, 0);
-        gpu.queue.write_buffer(&self.words, 0, bytemuck::cast_slice(&words));
+        let head = [self.workgroups_a_span, n_spans as u32, 1, n_tiles as u32];
+        gpu.queue
+            .write_buffer(&self.heads, self.offset, bytemuck::cast_slice(&head));
+        places.resize(self.tiles.extent().n_pixels(), 0);
+        self.tiles
+            .write_u32(gpu, &Image::from_pixels(self.tiles.extent(), places));
     }
 
-    /// What listed.wgsl reads, and of which the first three words are a dispatch.
-    pub fn words(&self) -> &wgpu::Buffer {
-        &self.words
+    /// What listed.wgsl reads.
+    pub fn tiles(&self) -> &Texture {
+        &self.tiles
+    }
+
+    /// The dispatch over it: in which buffer, and where.
+    pub fn dispatch(&self) -> (&wgpu::Buffer, u64) {
+        (&self.heads, self.offset)
     }
 }
 
 /// Where a frame's lists are read back from.
 #[derive(Debug)]
 pub struct Kept {
+    heads: usize,
     computed: usize,
-    hopeful: usize,
+    extent: Extent,
     n_tiles: usize,
 }
 
 impl Kept {
     /// Which share of the tiles was kept, 0 to 1.
     pub fn share(&self, readback: &Readback) -> Result<f64, GpuError> {
-        Ok(1.0 - self.computed(readback)?.len() as f64 / self.n_tiles as f64)
+        Ok(1.0 - self.n_listed(readback, 0)? as f64 / self.n_tiles as f64)
     }
 
     /// Which share of the tiles was looked at after the frame, 0 to 1.
     pub fn settled_share(&self, readback: &Readback) -> Result<f64, GpuError> {
-        let head = readback.bytes(self.hopeful)?;
-        let n_hopeful = u32::from_le_bytes(std::array::from_fn(|i| head[4 * (HEAD - 1) + i]));
-        Ok(f64::from(n_hopeful) / self.n_tiles as f64)
+        Ok(self.n_listed(readback, 2)? as f64 / self.n_tiles as f64)
     }
 
-    /// Column and row of every tile that was computed.
-    fn computed(&self, readback: &Readback) -> Result<Vec<[usize; 2]>, GpuError> {
-        let bytes = readback.bytes(self.computed)?;
-        let words = bytes.chunks_exact(4).skip(HEAD);
-        let listed = words.map(|bytes| u32::from_le_bytes(std::array::from_fn(|i| bytes[i])));
-        let tile = |listed: u32| [listed & 0xffff, listed >> 16].map(|at| at as usize);
-        Ok(listed.map_while(|listed| listed.checked_sub(1)).map(tile).collect())
+    /// How many tiles a list has.
+    fn n_listed(&self, readback: &Readback, list: usize) -> Result<usize, GpuError> {
+        let heads = readback.bytes(self.heads)?;
+        let n_tiles = &heads[4 * (list * HEAD + HEAD - 1)..];
+        Ok(bytemuck::pod_read_unaligned::<u32>(&n_tiles[..4]) as usize)
     }
 
     /// Whether each tile was kept, row by row of `columns` tiles.
     pub fn read(&self, readback: &Readback, columns: usize) -> Result<Vec<bool>, GpuError> {
+        let n_computed = self.n_listed(readback, 0)?;
+        let computed: Vec<u32> = readback.texels(self.computed, self.extent)?;
         let mut kept = vec![true; self.n_tiles];
-        for [x, y] in self.computed(readback)? {
-            kept[y * columns + x] = false;
+        for place in &computed[..n_computed] {
+            let [x, y] = [(place - 1) & 0xffff, (place - 1) >> 16];
+            kept[y as usize * columns + x as usize] = false;
         }
         Ok(kept)
     }

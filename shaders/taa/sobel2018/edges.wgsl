@@ -14,11 +14,12 @@ fn features(p: vec2i) -> vec3f {
 }
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    if (any(id.xy >= textureDimensions(color))) {
+fn main(invocation: Invocation) {
+    let id = pixel_of(invocation);
+    if (any(id >= textureDimensions(color))) {
         return;
     }
-    let p = vec2i(id.xy);
+    let p = vec2i(id);
     let nw = features(p + vec2i(-1, -1));
     let n = features(p + vec2i(0, -1));
     let ne = features(p + vec2i(1, -1));
@@ -30,5 +31,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let gx = (ne - nw) + 2.0 * (e - w) + (se - sw);
     let gy = (sw - nw) + 2.0 * (s - n) + (se - ne);
     let g = saturate(dot(vec3f(0.7, 0.3, 1.0), sqrt(gx * gx + gy * gy)));
-    textureStore(edges, id.xy, vec4f(g * sqrt(3.0 - 2.0 * g)));
+    textureStore(edges, id, vec4f(g * sqrt(3.0 - 2.0 * g)));
 }

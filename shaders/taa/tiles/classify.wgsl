@@ -29,16 +29,22 @@ const READ_SETTLED: u32 = 4u;
 @group(0) @binding(1) var<storage, read> regions: array<vec2u>;
 @group(0) @binding(2) var<storage, read> notes_before: array<u32>;
 @group(0) @binding(3) var<storage, read_write> notes: array<u32>;
-// Lists as listed.wgsl reads them, all 0: the tiles that are not kept;
-@group(0) @binding(4) var<storage, read_write> computed: array<atomic<u32>>;
+// Of each list workgroups a span, spans, 1, tiles; all 0.
+@group(0) @binding(4) var<storage, read_write> heads: array<atomic<u32>>;
+// Lists as listed.wgsl reads them: the tiles that are not kept;
+@group(0) @binding(5) var computed: texture_storage_2d<r32uint, write>;
 // those beside them, too, where `lists_beside`;
-@group(0) @binding(5) var<storage, read_write> beside: array<atomic<u32>>;
+@group(0) @binding(6) var beside: texture_storage_2d<r32uint, write>;
 // those that settle.wgsl looks at: of the others it is not worth knowing.
-@group(0) @binding(6) var<storage, read_write> hopeful: array<atomic<u32>>;
-@group(0) @binding(7) var<uniform> wanted: Wanted;
+@group(0) @binding(7) var hopeful: texture_storage_2d<r32uint, write>;
+@group(0) @binding(8) var<uniform> wanted: Wanted;
 
 const TILE: u32 = 16u;
 const HEAD: u32 = 4u;
+const LIST_WIDTH: u32 = 256u;
+const COMPUTED: u32 = 0u;
+const BESIDE: u32 = 1u;
+const HOPEFUL: u32 = 2u;
 
 fn index_of(tile: vec2u) -> u32 {
     return tile.y * wanted.size.x + tile.x;
@@ -85,46 +91,29 @@ fn tiles_a_span() -> u32 {
     return max(WORKGROUP_X / TILE, 1u);
 }
 
-fn add_to_computed(tile: u32) {
-    let place = atomicAdd(&computed[3], 1u);
-    atomicStore(&computed[HEAD + place], tile + 1u);
+// Where the next tile of a list goes.
+fn place_in(list: u32) -> vec2u {
+    let place = atomicAdd(&heads[list * HEAD + 3u], 1u);
     if (place % tiles_a_span() == 0u) {
-        atomicAdd(&computed[1], 1u);
+        atomicAdd(&heads[list * HEAD + 1u], 1u);
     }
-}
-
-fn add_to_beside(tile: u32) {
-    let place = atomicAdd(&beside[3], 1u);
-    atomicStore(&beside[HEAD + place], tile + 1u);
-    if (place % tiles_a_span() == 0u) {
-        atomicAdd(&beside[1], 1u);
-    }
-}
-
-fn add_to_hopeful(tile: u32) {
-    let place = atomicAdd(&hopeful[3], 1u);
-    atomicStore(&hopeful[HEAD + place], tile + 1u);
-    if (place % tiles_a_span() == 0u) {
-        atomicAdd(&hopeful[1], 1u);
-    }
+    return vec2u(place % LIST_WIDTH, place / LIST_WIDTH);
 }
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy == vec2u(0u))) {
         let workgroups_a_span = tiles_a_span() * TILE * TILE / (WORKGROUP_X * WORKGROUP_Y);
-        atomicStore(&computed[0], workgroups_a_span);
-        atomicStore(&computed[2], 1u);
-        atomicStore(&beside[0], workgroups_a_span);
-        atomicStore(&beside[2], 1u);
-        atomicStore(&hopeful[0], workgroups_a_span);
-        atomicStore(&hopeful[2], 1u);
+        for (var list = COMPUTED; list <= HOPEFUL; list++) {
+            atomicStore(&heads[list * HEAD], workgroups_a_span);
+            atomicStore(&heads[list * HEAD + 2u], 1u);
+        }
     }
     if (any(id.xy >= wanted.size)) {
         return;
     }
-    let tile = id.x | (id.y << 16u);
     let index = index_of(id.xy);
+    let listed = vec4u((id.x | (id.y << 16u)) + 1u);
     let settled = reads_settled(id.xy);
     let kept = is_kept(id.xy, settled);
     var noted = select(0u, READ_SETTLED, settled);
@@ -132,15 +121,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         // It stores nothing that could be noted.
         noted |= notes_before[index] & UNSETTLED;
     } else {
-        add_to_computed(tile);
+        textureStore(computed, place_in(COMPUTED), listed);
         if (has(id.xy, wanted.hopeful.x) || has(id.xy, wanted.hopeful.y)) {
-            add_to_hopeful(tile);
+            textureStore(hopeful, place_in(HOPEFUL), listed);
         } else {
             noted |= CHANGED | UNSETTLED;
         }
     }
     notes[index] = noted;
     if (lists_beside && !all_kept_beside(id.xy)) {
-        add_to_beside(tile);
+        textureStore(beside, place_in(BESIDE), listed);
     }
 }
