@@ -14,7 +14,7 @@ use crate::{
     run::{Observer, RunError, process_cpu_ms},
     sequence::{Channels, Frame, Sequence},
     statistics::median,
-    taa::{Inputs, Preparation, Recorder, Repeat, Resolver, SETTLE_PASS, Skip, Watch},
+    taa::{EDGES_PASS, Inputs, Preparation, Recorder, Repeat, Resolver, SETTLE_PASS, Skip, Watch},
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -142,6 +142,8 @@ struct Traffic {
     listed: u64,
     /// Of the pass over those that are looked at afterwards, if all were.
     settled: u64,
+    /// Of the pass over those whose images changed, if all did.
+    changed: u64,
 }
 
 impl Traffic {
@@ -172,6 +174,7 @@ impl Watch for Traffic {
         let n_bytes = dispatch.n_bytes();
         match (dispatch.label(), dispatch.is_indirect()) {
             (SETTLE_PASS, _) => self.settled += n_bytes,
+            (EDGES_PASS, true) => self.changed += n_bytes,
             (_, true) => self.listed += n_bytes,
             (_, false) => self.whole += n_bytes,
         }
@@ -375,17 +378,22 @@ impl<'a> Lane<'a> {
     fn run(&mut self, gpu: &Gpu, inputs: &Inputs) -> Result<Resolved, GpuError> {
         let mut traffic = Traffic::default();
         let resolver = &mut self.resolver;
-        let (cost, kept) = cost(gpu, &mut self.timer, |encoder, timer, readback| {
+        let (cost, shares) = cost(gpu, &mut self.timer, |encoder, timer, readback| {
             resolver.record(&mut traffic.recorder(gpu, encoder, timer), inputs)?;
-            Ok(resolver.copy_kept(gpu, encoder, readback))
+            Ok(resolver.copy_shares(gpu, encoder, readback))
         })?;
-        let (skipped, settled) = match kept {
-            Some(kept) => (kept.share(&cost.readback)?, kept.settled_share(&cost.readback)?),
+        let (skipped, settled) = match shares {
+            Some(shares) => (shares.kept(&cost.readback)?, shares.settled(&cost.readback)?),
             None => (0.0, 0.0),
         };
-        let listed = (1.0 - skipped) * traffic.listed as f64 + settled * traffic.settled as f64;
+        let parts = [
+            (1.0, traffic.whole),
+            (1.0 - skipped, traffic.listed),
+            (settled, traffic.settled),
+            (inputs.changed_share(), traffic.changed),
+        ];
         Ok(Resolved {
-            n_bytes: traffic.whole as f64 + listed,
+            n_bytes: parts.iter().map(|&(share, n_bytes)| share * n_bytes as f64).sum(),
             skipped,
             cost,
         })

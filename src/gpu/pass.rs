@@ -160,6 +160,12 @@ impl Pass {
         &self.label
     }
 
+    /// How many invocations run together.
+    pub fn workgroup(&self) -> Workgroup {
+        let [x, y] = self.workgroup;
+        Workgroup { x, y }
+    }
+
     fn error(&self, message: String) -> GpuError {
         GpuError::Pass {
             pass: self.label.clone(),

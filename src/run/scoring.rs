@@ -428,7 +428,7 @@ impl Gathered {
         let share = kept.iter().map(|&kept| f64::from(kept)).sum::<f64>() / kept.len() as f64;
         let listed_ms: f64 = times_ms
             .iter()
-            .filter(|(pass, _)| ["resolve", "sharpen", "stabilise"].contains(&pass.as_str()))
+            .filter(|(pass, _)| ["edges", "resolve", "sharpen", "stabilise"].contains(&pass.as_str()))
             .map(|(_, time)| time.median)
             .sum();
         let total_ms: f64 = times_ms.values().map(|time| time.median).sum();

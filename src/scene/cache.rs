@@ -9,7 +9,7 @@ use std::{
 };
 
 /// Raised whenever the same settings give other files, so that old bakes are not taken for new ones.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// A folder of baked sequences.
 #[derive(Clone, Debug)]

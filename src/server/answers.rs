@@ -1,5 +1,5 @@
-//! Answers that follow from the address and the store alone, kept until something is written: dashboards and scripts ask for
-//! the same again and again.
+//! Answers that follow from the address and the store alone, kept until something is written that may change them: dashboards and
+//! scripts ask for the same again and again.
 
 use super::ApiError;
 use crate::store::State;
@@ -31,7 +31,7 @@ pub const FROM_STORE: Extension<FromStore> = Extension(FromStore::All);
 /// And to one that posted results leave as it is.
 pub const LASTING_FROM_STORE: Extension<FromStore> = Extension(FromStore::Lasting);
 
-/// Larger answers with their questions are not kept, and with more of a kind all of it are forgotten: together at most 64 MiB.
+/// Larger answers with their questions are not kept, and with more of a kind all of that kind are forgotten: together at most 64 MiB.
 const MAX_BYTES: usize = 256 << 10;
 const MAX_ANSWERS: usize = 128;
 

@@ -8,7 +8,7 @@ use super::{
     merge::Merge,
     recipe::{Guards, InputFilter},
     recorder::{Cover, Recorder, Repeat, TiledPass},
-    tiles::{self, List},
+    tiles::{self, List, MAX_TILES},
 };
 use crate::{
     gpu::{Gpu, GpuError, Invocation, Pass, Texture, Timer, UniformValue},
@@ -49,7 +49,7 @@ pub struct Inputs {
 #[derive(Debug)]
 struct Tracked {
     changes: Changes,
-    /// The tiles whose colours must be prepared anew.
+    /// The tiles whose images changed within the reach of any recipe.
     changed: List,
     /// Their share of all.
     changed_share: f64,
@@ -261,7 +261,7 @@ impl Inputs {
         self.tracked.as_ref().is_some_and(|tracked| tracked.is_repeat)
     }
 
-    /// For which share of the tiles colours must be prepared anew.
+    /// Which share of the tiles has images that changed.
     pub fn changed_share(&self) -> f64 {
         self.tracked.as_ref().map_or(1.0, |tracked| tracked.changed_share)
     }
@@ -308,7 +308,7 @@ impl Inputs {
     fn changed(&self) -> Option<Cover<'_>> {
         self.tracked.as_ref().map(|tracked| Cover {
             list: &tracked.changed,
-            is_worth_listing: tracked.changed_share < WORTH_LISTING,
+            is_worth_listing: tracked.changed_share < WORTH_LISTING && n_tiles(self.sizes.render) <= MAX_TILES,
         })
     }
 
@@ -352,7 +352,7 @@ impl<'a> View<'a> {
         self.inputs.is_repeat()
     }
 
-    /// The tiles whose images changed within the recipe's reach, where changes are tracked.
+    /// The tiles whose images changed within the recipe's reach, and maybe others, where changes are tracked.
     pub fn changed(self) -> Option<Cover<'a>> {
         self.inputs.changed()
     }

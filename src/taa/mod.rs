@@ -32,7 +32,8 @@ pub use recipe::{Recipe, RecipeError, SizesError};
 pub use recorder::{Recorder, Repeat, Step, Watch};
 pub use resolver::Resolver;
 pub use skip::Skip;
-pub use tiles::{Kept, SETTLE_PASS};
+pub use sobel2018::EDGES_PASS;
+pub use tiles::{Kept, SETTLE_PASS, Shares};
 
 use crate::sequence::Channels;
 use carried::Carried;

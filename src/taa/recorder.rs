@@ -106,8 +106,8 @@ impl Recorder<'_> {
         self.record_counting(dispatch, &[])
     }
 
-    /// Records a pass over listed tiles where that is worth it, otherwise over every pixel; to warm up, over both. `bind` is
-    /// called for each pass that is recorded.
+    /// Records a pass over listed tiles where that is worth it and the list is for such a pass, otherwise over every pixel; to warm
+    /// up, over both. `bind` is called for each pass that is recorded.
     pub(super) fn record_tiled<'p>(
         &mut self,
         pass: &'p TiledPass,
@@ -117,6 +117,7 @@ impl Recorder<'_> {
         bind: impl Fn(&'p Pass) -> Invocation<'p>,
     ) -> Result<(), GpuError> {
         let listed = pass.listed.as_ref().zip(cover);
+        let listed = listed.filter(|(listed, cover)| cover.list.fits(listed));
         let is_worth_listing = listed.is_some_and(|(_, cover)| cover.is_worth_listing);
         let warms_up = matches!(self.repeat, Repeat::WarmUp);
         if let Some((listed, cover)) = listed.filter(|_| is_worth_listing || warms_up) {

@@ -9,7 +9,7 @@ use super::{
     skip::Skip,
     spatial::Antialiasing,
     temporal::{Builder, Temporal},
-    tiles::{CLASSIFY_PASS, Kept, SETTLE_PASS},
+    tiles::{CLASSIFY_PASS, Kept, SETTLE_PASS, Shares},
 };
 use crate::{
     gpu::{Bound, Gpu, GpuError, Readback, Texture, Timer},
@@ -120,6 +120,19 @@ impl Resolver {
     pub fn copy_kept(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Option<Kept> {
         match &self.passes {
             Passes::Temporal(temporal) => Some(temporal.tiles()?.copy_back(gpu, encoder, readback)),
+            Passes::Phlm2016(_) | Passes::Checkerboard(_) => None,
+        }
+    }
+
+    /// The same of how many they are.
+    pub fn copy_shares(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        readback: &mut Readback,
+    ) -> Option<Shares> {
+        match &self.passes {
+            Passes::Temporal(temporal) => Some(temporal.tiles()?.copy_shares(gpu, encoder, readback)),
             Passes::Phlm2016(_) | Passes::Checkerboard(_) => None,
         }
     }

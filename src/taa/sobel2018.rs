@@ -13,6 +13,9 @@ use wgpu::TextureFormat;
 const EDGES: &str = include_str!("../../shaders/taa/sobel2018/edges.wgsl");
 const STABILISE: &str = include_str!("../../shaders/taa/sobel2018/stabilise.wgsl");
 
+/// The pass that runs over the tiles whose images changed.
+pub const EDGES_PASS: &str = "edges";
+
 #[derive(Debug)]
 pub struct Edges {
     find: TiledPass,
@@ -24,7 +27,7 @@ pub struct Edges {
 }
 
 impl Edges {
-    pub const PASSES: [&str; 2] = ["edges", "stabilise"];
+    pub const PASSES: [&str; 2] = [EDGES_PASS, "stabilise"];
 
     pub fn new(builder: Builder<'_>) -> Result<Self, GpuError> {
         let [find, stabilise] = Self::PASSES;

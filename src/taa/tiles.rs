@@ -30,7 +30,7 @@ use super::{
     temporal::{Builder, Prefilter},
 };
 use crate::{
-    gpu::{Gpu, GpuError, Pass, Readback, Texture},
+    gpu::{Gpu, GpuError, Pass, Readback, Texture, Workgroup},
     image::{Extent, Image},
     sequence::Sizes,
 };
@@ -52,13 +52,17 @@ pub const EVERY_PIXEL: &str = include_str!("../../shaders/taa/tiles/every_pixel.
 const NO_TILE: u32 = !0;
 
 /// The most workgroups along one axis of a dispatch.
-const MAX_TILES: usize = 65535;
+pub const MAX_TILES: usize = 65535;
 
 /// Words of a list's head: workgroups a span, spans, 1, tiles. The first three are a dispatch.
 const HEAD: usize = 4;
 
 /// How many tiles of a list stand in a row of its texture.
 const LIST_WIDTH: u32 = 256;
+
+/// Which of a recipe's lists has which head.
+const COMPUTED: usize = 0;
+const HOPEFUL: usize = 2;
 
 /// One recipe's lists and what they are made from.
 #[derive(Debug)]
@@ -89,9 +93,8 @@ pub struct List {
     /// Where its own begins.
     offset: u64,
     tiles: Texture,
-    /// How many a workgroup covers, or a part of.
-    tiles_a_span: usize,
-    workgroups_a_span: u32,
+    /// Of the passes that it is for.
+    workgroup: Workgroup,
 }
 
 impl Recipe {
@@ -307,12 +310,19 @@ impl Tiles {
         }
     }
 
-    /// Copies which tiles were computed, and how many were looked at afterwards; see [`Kept`].
+    /// Copies which tiles were computed.
     pub fn copy_back(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Kept {
         Kept {
-            heads: readback.copy_buffer(gpu, encoder, &self.computed.heads, self.computed.heads.size()),
+            shares: self.copy_shares(gpu, encoder, readback),
             computed: readback.copy_texture(gpu, encoder, &self.computed.tiles),
             extent: self.computed.tiles.extent(),
+        }
+    }
+
+    /// Copies how many tiles were computed, and how many of those were looked at afterwards.
+    pub fn copy_shares(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Shares {
+        Shares {
+            heads: readback.copy_buffer(gpu, encoder, &self.computed.heads, self.computed.heads.size()),
             n_tiles: self.n_tiles,
         }
     }
@@ -322,30 +332,33 @@ impl List {
     /// Empty ones with room for `n_tiles` each, whose heads are one after the other in one buffer.
     pub fn several<const N: usize>(gpu: &Gpu, n_tiles: usize) -> [Self; N] {
         let workgroup = gpu.workgroup();
-        let tiles_a_span = (workgroup.x / TILE).max(1);
-        let n_places = (n_tiles as u32).next_multiple_of(tiles_a_span);
+        let n_places = (n_tiles as u32).next_multiple_of(tiles_a_span(workgroup));
         let extent = Extent::new(LIST_WIDTH, n_places.div_ceil(LIST_WIDTH));
         let heads = words(gpu, "dispatches over tiles", N * HEAD);
         std::array::from_fn(|index| Self {
             heads: heads.clone(),
             offset: (4 * HEAD * index) as u64,
             tiles: Texture::new(gpu, "listed tiles", extent, wgpu::TextureFormat::R32Uint),
-            tiles_a_span: tiles_a_span as usize,
-            workgroups_a_span: tiles_a_span * TILE * TILE / workgroup.n_invocations(),
+            workgroup,
         })
     }
 
     /// Makes it a list of `tiles`, column and row each.
     pub fn write(&self, gpu: &Gpu, tiles: impl Iterator<Item = [u32; 2]>) {
         let mut places: Vec<u32> = tiles.map(|[x, y]| (x | y << 16) + 1).collect();
-        let n_tiles = places.len();
-        let n_spans = n_tiles.div_ceil(self.tiles_a_span);
-        let head = [self.workgroups_a_span, n_spans as u32, 1, n_tiles as u32];
+        let (n_tiles, tiles_a_span) = (places.len() as u32, tiles_a_span(self.workgroup));
+        let workgroups_a_span = tiles_a_span * TILE * TILE / self.workgroup.n_invocations();
+        let head = [workgroups_a_span, n_tiles.div_ceil(tiles_a_span), 1, n_tiles];
         gpu.queue
             .write_buffer(&self.heads, self.offset, bytemuck::cast_slice(&head));
         places.resize(self.tiles.extent().n_pixels(), 0);
         self.tiles
             .write_u32(gpu, &Image::from_pixels(self.tiles.extent(), places));
+    }
+
+    /// Whether it is for a pass: one with other workgroups would read it otherwise.
+    pub fn fits(&self, pass: &Pass) -> bool {
+        pass.workgroup() == self.workgroup
     }
 
     /// What listed.wgsl reads.
@@ -359,24 +372,27 @@ impl List {
     }
 }
 
-/// Where a frame's lists are read back from.
+/// How many tiles a workgroup covers, or a part of.
+fn tiles_a_span(workgroup: Workgroup) -> u32 {
+    (workgroup.x / TILE).max(1)
+}
+
+/// Where the heads of a frame's lists are read back from.
 #[derive(Debug)]
-pub struct Kept {
+pub struct Shares {
     heads: usize,
-    computed: usize,
-    extent: Extent,
     n_tiles: usize,
 }
 
-impl Kept {
+impl Shares {
     /// Which share of the tiles was kept, 0 to 1.
-    pub fn share(&self, readback: &Readback) -> Result<f64, GpuError> {
-        Ok(1.0 - self.n_listed(readback, 0)? as f64 / self.n_tiles as f64)
+    pub fn kept(&self, readback: &Readback) -> Result<f64, GpuError> {
+        Ok(1.0 - self.n_listed(readback, COMPUTED)? as f64 / self.n_tiles as f64)
     }
 
     /// Which share of the tiles was looked at after the frame, 0 to 1.
-    pub fn settled_share(&self, readback: &Readback) -> Result<f64, GpuError> {
-        Ok(self.n_listed(readback, 2)? as f64 / self.n_tiles as f64)
+    pub fn settled(&self, readback: &Readback) -> Result<f64, GpuError> {
+        Ok(self.n_listed(readback, HOPEFUL)? as f64 / self.n_tiles as f64)
     }
 
     /// How many tiles a list has.
@@ -385,12 +401,22 @@ impl Kept {
         let n_tiles = &heads[4 * (list * HEAD + HEAD - 1)..];
         Ok(bytemuck::pod_read_unaligned::<u32>(&n_tiles[..4]) as usize)
     }
+}
 
+/// Where it is read back from which tiles of a frame were kept.
+#[derive(Debug)]
+pub struct Kept {
+    shares: Shares,
+    computed: usize,
+    extent: Extent,
+}
+
+impl Kept {
     /// Whether each tile was kept, row by row of `columns` tiles.
     pub fn read(&self, readback: &Readback, columns: usize) -> Result<Vec<bool>, GpuError> {
-        let n_computed = self.n_listed(readback, 0)?;
+        let n_computed = self.shares.n_listed(readback, COMPUTED)?;
         let computed: Vec<u32> = readback.texels(self.computed, self.extent)?;
-        let mut kept = vec![true; self.n_tiles];
+        let mut kept = vec![true; self.shares.n_tiles];
         for place in &computed[..n_computed] {
             let [x, y] = [(place - 1) & 0xffff, (place - 1) >> 16];
             kept[y as usize * columns + x as usize] = false;
@@ -406,4 +432,24 @@ fn words(gpu: &Gpu, label: &str, n: usize) -> wgpu::Buffer {
         usage: BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shaders_have_the_same_numbers() {
+        for (text, name, number) in [
+            (CLASSIFY, "TILE", TILE),
+            (LISTED, "TILE", TILE),
+            (CLASSIFY, "LIST_WIDTH", LIST_WIDTH),
+            (LISTED, "LIST_WIDTH", LIST_WIDTH),
+            (CLASSIFY, "HEAD", HEAD as u32),
+            (CLASSIFY, "COMPUTED", COMPUTED as u32),
+            (CLASSIFY, "HOPEFUL", HOPEFUL as u32),
+        ] {
+            assert!(text.contains(&format!("const {name}: u32 = {number}u;")), "{name}");
+        }
+    }
 }

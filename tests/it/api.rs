@@ -483,7 +483,9 @@ fn posts_wait_for_others_while_a_job_runs() {
     let client = service.client();
     client.put("pan", &packed("pan"));
     let id = client.start_job(&json!({"sequence": "pan", "presets": ["none"]}));
-    client.wait_for(id, &["running"]);
+    while client.wait_for(id, &["running"])["n_done"] == 0 {
+        thread::sleep(Duration::from_millis(20));
+    }
     let start = Instant::now();
     for _ in 0..4 {
         client.posted("/reports", &report(json!({})));

@@ -11,7 +11,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// The program itself, serving `data`.
+/// A process that serves a folder, until it is dropped.
 struct Served {
     process: Child,
     client: Client,
@@ -41,7 +41,7 @@ impl Served {
 
 impl Drop for Served {
     fn drop(&mut self) {
-        // SIGKILL: exactly what the test below is about.
+        // SIGKILL, as a crash.
         self.process.kill().unwrap();
         self.process.wait().unwrap();
     }

@@ -3,7 +3,7 @@
 
 use crate::{
     gpu_vs_reference::{scene, still},
-    support::{frame, gpu, noise, resolve_skipping, resolve_with},
+    support::{frame, gpu, noise, resolve_between, resolve_skipping, resolve_with},
 };
 use afterimage::{
     gpu::{Variant, Workgroup},
@@ -67,6 +67,29 @@ fn workgroups_share_what_they_read_to_the_bit() {
                 assert!(with(true, shape) == alone, "{preset} {skip:?} {shape}");
             }
         }
+    }
+}
+
+/// Benchmarks of several shapes prepare a frame once for all: what was listed for one shape must not be read as if for another.
+#[test]
+fn workgroups_of_another_shape_leave_nothing_out() {
+    let recipe = &Preset::find("sobel2018").unwrap().recipe;
+    let frames = (0..8).map(|index| partly_still(index, false));
+    let off = resolve_skipping(recipe, options(Precision::F16, Skip::Off), frames.clone());
+    let with = |(x, y)| {
+        gpu().with(Variant {
+            workgroup: Some(Workgroup::new(x, y)),
+            ..Variant::default()
+        })
+    };
+    for shapes in [[(64, 1), (8, 8)], [(8, 8), (64, 1)]] {
+        let [preparing, gpu] = shapes.map(with);
+        let options = options(Precision::F16, Skip::Exact);
+        let exact = resolve_between(&preparing, &gpu, recipe, options, frames.clone());
+        for (index, (off, exact)) in off.iter().zip(&exact).enumerate() {
+            assert!(bits(&off.0) == bits(&exact.0), "{shapes:?}: frame {index}");
+        }
+        assert!(exact[7].2 > 0.2, "{shapes:?}: {:.2} kept", exact[7].2);
     }
 }
 

@@ -3,7 +3,8 @@
 // Neighbours in the list are mostly neighbours in the image, and CPU adapters are fast only where they walk along rows.
 
 // Of every tile x | y << 16, plus one, row by row. A texture, because CPU adapters read buffers lane by lane. What follows the last
-// tile in its span is 0, or a tile of an earlier frame: computed anew or twice, it is what it was.
+// tile in its span is 0, or a tile of an earlier frame: computed anew or twice, it is what it was. A pass
+// that counts must be given a list that ends with 0.
 @group(0) @binding(40) var tile_list: texture_2d<u32>;
 
 const TILE: u32 = 16u;

@@ -82,7 +82,7 @@ pub fn write_map_exr(path: &Path, map: &Image<f32>, format: FloatFormat) -> Resu
 }
 
 /// Of what is computed while somebody waits. Run lengths of halves take a quarter of ZIP's time, and a third to four fifths more
-/// space; of floats, whose last bits are all different, they save none.
+/// space than it; of floats, whose last bits are all different, they save none.
 fn compression(format: FloatFormat) -> Compression {
     match format {
         FloatFormat::Half => Compression::RLE,

@@ -140,6 +140,17 @@ pub fn resolve_with(
     options: Options,
     frames: impl Iterator<Item = Frame>,
 ) -> Vec<(Image<Rgb>, u64, f64)> {
+    resolve_between(gpu, gpu, recipe, options, frames)
+}
+
+/// The same, with the passes that prepare frames compiled as `preparing` has it.
+pub fn resolve_between(
+    preparing: &Gpu,
+    gpu: &Gpu,
+    recipe: &Recipe,
+    options: Options,
+    frames: impl Iterator<Item = Frame>,
+) -> Vec<(Image<Rgb>, u64, f64)> {
     let pool = ReadbackPool::default();
     let mut frames = frames.peekable();
     let first = frames.peek().expect("a frame");
@@ -153,7 +164,7 @@ pub fn resolve_with(
     let wanted = BTreeSet::from([recipe.preparation()]);
     let n_merges = usize::from(channels.several.is_some());
     let reach_px = (options.skip != Skip::Off).then(|| recipe.reach_px());
-    let mut inputs = Inputs::tracking(gpu, sizes, channels, &wanted, reach_px, None).unwrap();
+    let mut inputs = Inputs::tracking(preparing, sizes, channels, &wanted, reach_px, None).unwrap();
     let mut resolver = Resolver::new(gpu, recipe.clone(), options, sizes).unwrap();
     let passes = recipe.passes_skipping(options.skip, sizes);
     let mut timer = Timer::new(gpu, 2 + passes.len() as u32);
@@ -169,7 +180,7 @@ pub fn resolve_with(
             let shown = readback.copy_texture(gpu, &mut encoder, resolver.shown());
             let count = inputs.repaired_texels(recipe.preparation());
             let count = readback.copy_buffer(gpu, &mut encoder, count, 4);
-            let kept = resolver.copy_kept(gpu, &mut encoder, &mut readback);
+            let shares = resolver.copy_shares(gpu, &mut encoder, &mut readback);
             let times = timer.finish(gpu, &mut encoder, &mut readback);
             let submission = gpu.queue.submit([encoder.finish()]);
             readback.map();
@@ -183,7 +194,7 @@ pub fn resolve_with(
             (
                 readback.rgb(shown, sizes.output).unwrap(),
                 u64::from(n_repaired.unwrap()),
-                kept.map_or(0.0, |kept| kept.share(&readback).unwrap()),
+                shares.map_or(0.0, |shares| shares.kept(&readback).unwrap()),
             )
         })
         .collect()
