@@ -120,6 +120,34 @@ fn the_viewer_shows_how_a_frame_came_about() {
     );
 }
 
+/// Browsers take the context of a page when a driver resets or too many pages have one.
+#[test]
+fn the_viewer_goes_on_after_its_context_was_lost() {
+    let (service, job) = measured();
+    let id = report_ids(&job)[0].clone();
+    let mut page = Page::open();
+    page.go(&service.url(&format!("/reports/{id}/frames/3?mode=one&renderer=gl")));
+    page.until("document.getElementById('stage').dataset.ms > 0");
+    page.value("lost = document.getElementById('canvas').getContext('webgl2').getExtension('WEBGL_lose_context')");
+    let opaque = "(() => {
+        const canvas = document.getElementById('canvas');
+        const c = new OffscreenCanvas(1, 1).getContext('2d');
+        c.drawImage(canvas, canvas.width / 2, canvas.height / 2, 1, 1, 0, 0, 1, 1);
+        return c.getImageData(0, 0, 1, 1).data[3] == 255;
+    })()";
+    page.until(opaque);
+    page.value("lost.loseContext()");
+    page.until(&format!("!{opaque}"));
+    page.key("ArrowRight");
+    page.until("document.getElementById('stage').dataset.frame == 4");
+    page.value("setTimeout(() => lost.restoreContext())");
+    page.until(opaque);
+    page.key("ArrowRight");
+    page.until("document.getElementById('stage').dataset.frame == 5");
+    page.until(opaque);
+    page.is_well();
+}
+
 #[test]
 fn the_viewer_steps_compares_and_keeps_its_address() {
     let (service, job) = measured();

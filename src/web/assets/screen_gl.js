@@ -84,14 +84,28 @@ const MAX_TEXTURES = 24;
 const MAX_DRAWN = 6;
 
 export class GlScreen {
-  /** Nothing where the browser has no WebGL2. */
-  static on(canvas) {
+  /** Nothing where the browser has no WebGL2. `redraw` is called once the browser gives back a context that it took. */
+  static on(canvas, redraw) {
     const gl = canvas.getContext("webgl2", { antialias: false, premultipliedAlpha: false, preserveDrawingBuffer: true });
-    return gl && new GlScreen(gl);
+    if (!gl) return null;
+    const screen = new GlScreen(gl);
+    // Otherwise it would not come back.
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => {
+      screen.begin();
+      redraw();
+    });
+    return screen;
   }
 
   constructor(gl) {
     this.gl = gl;
+    this.begin();
+  }
+
+  /** Everything that a context owns, made anew. */
+  begin() {
+    const { gl } = this;
     this.textures = new Map();
     this.programs = new Map();
     this.drawn = new Map();
@@ -111,7 +125,7 @@ export class GlScreen {
   prepare(panes, look) {
     const { gl, drawn } = this;
     const key = keyOf(gl.canvas, panes, look);
-    if (drawn.has(key)) return;
+    if (drawn.has(key) || gl.isContextLost()) return;
     const { width, height } = gl.canvas;
     const image = texture(gl, gl.RGBA8, width, height, gl.RGBA, gl.UNSIGNED_BYTE, null);
     const frame = gl.createFramebuffer();
@@ -131,6 +145,7 @@ export class GlScreen {
   /** Settled once what was drawn last can be seen. */
   async finished() {
     const { gl } = this;
+    if (gl.isContextLost()) return;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
     while (gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) await new Promise((resolve) => setTimeout(resolve, 2));
@@ -155,14 +170,17 @@ export class GlScreen {
   /** Each pane: { clip: [x, y, width, height], origin, zoom, size, a, b }, all in canvas pixels from the top left. */
   draw(panes, look) {
     const { gl } = this;
+    if (gl.isContextLost()) return;
     const { width, height } = gl.canvas;
     const ready = this.drawn.get(keyOf(gl.canvas, panes, look));
-    if (!ready) return this.render(panes, look);
+    if (!ready) {
+      this.render(panes, look);
+      return;
+    }
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, ready.frame);
     gl.scissor(0, 0, width, height);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
-    return undefined;
   }
 
   /** Into the framebuffer that is bound. */

@@ -39,7 +39,7 @@ function href(id, frame) {
 }
 
 const canvas = byId("canvas");
-const screen = (asked.get("renderer") !== "2d" && GlScreen.on(canvas)) || new PlainScreen(canvas);
+const screen = (asked.get("renderer") !== "2d" && GlScreen.on(canvas, () => view.redraw())) || new PlainScreen(canvas);
 let images = null;
 let wanted = 0;
 let isLoading = false;
