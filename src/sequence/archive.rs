@@ -124,7 +124,7 @@ pub fn extract(archive: &Path, into: &Path, limits: Limits) -> Result<(), Archiv
     };
     match format.ok_or_else(|| ArchiveError::Format(archive.to_owned()))? {
         Format::Tar => unpacker.tar(file),
-        Format::TarGz => unpacker.tar(GzDecoder::new(file)),
+        Format::TarGz => unpacker.tar_gz(GzDecoder::new(file)),
         Format::Zip => unpacker.zip(file),
     }?;
     let sequence = find_manifest(staging.path()).ok_or_else(|| ArchiveError::NoManifest(archive.to_owned()))?;
@@ -157,6 +157,9 @@ struct Unpacker<'a> {
 /// A tar header, its long name and its extended attributes: a tar reader holds them in memory, so that they need a
 /// bound of their own.
 const MAX_TAR_HEADER_BYTES: u64 = 1 << 20;
+
+/// What may follow a tar's end: it is padded to whole records.
+const MAX_TAR_PADDING: u64 = 1 << 20;
 
 /// Fails once more than `allowance` bytes were read. Stands between decompression and the tar reader, which would
 /// otherwise unfold a long name or skip a body without end.
@@ -219,6 +222,16 @@ impl Unpacker<'_> {
                     return Err(self.refused(&name, "is a link or a device; only files and folders are allowed"));
                 }
             }
+        }
+    }
+
+    /// Behind everything comes a checksum of it, which a tar reader has no need to reach.
+    fn tar_gz(&mut self, mut reader: impl Read) -> Result<(), ArchiveError> {
+        self.tar(&mut reader)?;
+        let n_rest = io::copy(&mut reader.take(MAX_TAR_PADDING), &mut io::sink());
+        match n_rest.map_err(|error| unreadable(self.archive, error))? {
+            MAX_TAR_PADDING => Err(unreadable(self.archive, io::Error::other("goes on behind its end"))),
+            _ => Ok(()),
         }
     }
 

@@ -316,6 +316,15 @@ fn archives_that_are_none_are_named() {
     assert_names(&refusal(&whole[..whole.len() / 2]), &["upload"]);
     let whole = zip(&[("manifest.json", b"{}")]);
     assert_names(&refusal(&whole[..whole.len() / 2]), &["upload"]);
+    // The checksum lies behind what a tar reader reads.
+    let whole = gzip(&tar(|_| {}));
+    let n = whole.len();
+    assert_names(&refusal(&whole[..n - 8]), &["upload", "unexpected end of file"]);
+    let mut damaged = whole.clone();
+    damaged[n - 8] ^= 1;
+    assert_names(&refusal(&damaged), &["upload", "corrupt"]);
+    let endless = gzip(&[tar(|_| {}), vec![0; 2 << 20]].concat());
+    assert_names(&refusal(&endless), &["goes on behind its end"]);
     let two_tops = zip(&[("a/manifest.json", b"{}"), ("b/manifest.json", b"{}")]);
     assert_names(
         &refusal(&two_tops),
