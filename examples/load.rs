@@ -1,9 +1,10 @@
 //! Asks a service as much as it promises to bear, and prints how it bore it:
-//! `cargo run --release --example load -- http://127.0.0.1:8080 [SECONDS]`.
+//! `cargo run --release --example load -- http://127.0.0.1:8080 [SECONDS] [PHASE [SEQUENCE [PRESETS]]]`.
 //!
 //! Frame posts, report posts, trends and mixed requests, each for a bounded number of seconds from a bounded number of
-//! connections. It speaks to this machine only: it would be an attack on any other. It writes HTTP itself, because a
-//! client's own work on the same two cores would be measured too.
+//! connections. `job` and `jobs` run jobs on a sequence that the service has: how much longer one takes beside mixed
+//! requests, and how long one job of eight presets against eight of one. It speaks to this machine only: it would be an
+//! attack on any other. It writes HTTP itself, because a client's own work on the same two cores would be measured too.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
@@ -28,7 +29,7 @@ fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let url = arguments
         .next()
-        .context("usage: load http://127.0.0.1:PORT [SECONDS] [history]")?;
+        .context("usage: load http://127.0.0.1:PORT [SECONDS] [history | mixed | job SEQUENCE [PRESETS] | jobs SEQUENCE [PRESETS]]")?;
     let seconds: u64 = arguments.next().map_or(Ok(5), |text| text.parse())?;
     ensure!((1..=MAX_SECONDS).contains(&seconds), "1 to {MAX_SECONDS} seconds");
     let address: SocketAddr = url.trim_start_matches("http://").trim_end_matches('/').parse()?;
@@ -37,16 +38,23 @@ fn main() -> anyhow::Result<()> {
         "{address} is another machine; this is for 127.0.0.1 only"
     );
     let duration = Duration::from_secs(seconds);
-    match arguments.next().as_deref() {
-        Some("history") => return history(address),
-        Some("mixed") => return mixed(address, duration),
+    let phase = arguments.next();
+    let sequence = arguments.next().context("name a sequence that the service has");
+    let presets = arguments.next();
+    let presets: Vec<&str> = presets.as_deref().unwrap_or(PRESETS).split(',').collect();
+    match phase.as_deref() {
+        Some("history") => history(address),
+        Some("mixed") => mixed(address, |elapsed| elapsed < duration),
+        Some("job") => job_beside_requests(address, &sequence?, &presets),
+        Some("jobs") => one_job_or_several(address, &sequence?, &presets),
         Some(other) => bail!("there is no phase `{other}`"),
-        None => {}
+        None => {
+            frames(address, duration)?;
+            reports(address, duration)?;
+            trends(address)?;
+            mixed(address, |elapsed| elapsed < duration)
+        }
     }
-    frames(address, duration)?;
-    reports(address, duration)?;
-    trends(address)?;
-    mixed(address, duration)
 }
 
 /// One connection that is kept.
@@ -120,7 +128,13 @@ impl Times {
             .push(start.elapsed().as_secs_f64() * 1e3);
     }
 
-    fn print(&self, what: &str, elapsed: Duration) {
+    fn print_with_rate(&self, what: &str, elapsed: Duration) {
+        let n = self.0.lock().expect("no thread panics").len();
+        let seconds = elapsed.as_secs_f64();
+        self.print(&format!("{what}, {n} in {seconds:.1} s, {:.0}/s", n as f64 / seconds));
+    }
+
+    fn print(&self, what: &str) {
         let mut times = self.0.lock().expect("no thread panics").clone();
         times.sort_by(f64::total_cmp);
         let at = |share: f64| {
@@ -129,15 +143,7 @@ impl Times {
                 .copied()
                 .unwrap_or(f64::NAN)
         };
-        println!(
-            "{what}: {} in {:.1} s, {:.0}/s; ms p50 {:.2}, p99 {:.2}, max {:.2}",
-            times.len(),
-            elapsed.as_secs_f64(),
-            times.len() as f64 / elapsed.as_secs_f64(),
-            at(0.5),
-            at(0.99),
-            at(1.0)
-        );
+        println!("{what}: ms p50 {:.2}, p99 {:.2}, max {:.2}", at(0.5), at(0.99), at(1.0));
     }
 }
 
@@ -179,7 +185,7 @@ fn flood(
             });
         }
     });
-    times.print(what, start.elapsed());
+    times.print_with_rate(what, start.elapsed());
     ensure!(!failed.load(Relaxed), "some requests failed");
     Ok(())
 }
@@ -287,9 +293,14 @@ fn trends(address: SocketAddr) -> anyhow::Result<()> {
             continue;
         };
         let times = Times::default();
-        let start = Instant::now();
         let mut n_points = 0;
         for _ in 0..50 {
+            // Nobody is given an answer of before it.
+            client.json(
+                "POST",
+                "/reports",
+                &json!({"sequence": "between", "system": "load", "values": {"psnr": 30}}),
+            )?;
             let sent = Instant::now();
             let (status, answer) = client.ask(
                 "GET",
@@ -302,13 +313,13 @@ fn trends(address: SocketAddr) -> anyhow::Result<()> {
                 .as_array()
                 .map_or(0, Vec::len);
         }
-        times.print(&format!("{what} ({n_points} given)"), start.elapsed());
+        times.print(&format!("{what} ({n_points} given)"));
     }
     Ok(())
 }
 
-/// 500 requests a second: posts, lists, trends, single reports.
-fn mixed(address: SocketAddr, duration: Duration) -> anyhow::Result<()> {
+/// 500 requests a second, as long as wanted: posts, lists, trends, single reports.
+fn mixed(address: SocketAddr, wanted: impl Fn(Duration) -> bool + Sync) -> anyhow::Result<()> {
     const RATE: u64 = 500;
     let times = Times::default();
     let (start, next) = (Instant::now(), AtomicU64::new(0));
@@ -330,7 +341,7 @@ fn mixed(address: SocketAddr, duration: Duration) -> anyhow::Result<()> {
                         let i = next.fetch_add(1, Relaxed);
                         // A request's time counts from when it was due, so that waiting for a connection counts too.
                         let due = start + Duration::from_secs_f64(i as f64 / RATE as f64);
-                        if due - start >= duration {
+                        if !wanted(due - start) {
                             return Ok(());
                         }
                         thread::sleep(due.saturating_duration_since(Instant::now()));
@@ -354,6 +365,81 @@ fn mixed(address: SocketAddr, duration: Duration) -> anyhow::Result<()> {
             .into_iter()
             .try_for_each(|thread| thread.join().expect("no thread panics"))
     })?;
-    times.print("mixed requests", start.elapsed());
+    times.print_with_rate("mixed requests", start.elapsed());
+    Ok(())
+}
+
+/// How long a job may take, queued and run.
+const MAX_JOB: Duration = Duration::from_secs(300);
+
+/// Runs a job of these presets, and gives how long that took.
+fn job(address: SocketAddr, sequence: &str, presets: &[&str], images: &str, skip: &str) -> anyhow::Result<Duration> {
+    let mut client = Connection::open(address)?;
+    let start = Instant::now();
+    let job = client.json(
+        "POST",
+        "/jobs",
+        &json!({"sequence": sequence, "presets": presets, "images": images, "skip": skip, "force": true}),
+    )?;
+    let path = format!("/jobs/{}", job["id"]);
+    while start.elapsed() < MAX_JOB {
+        thread::sleep(Duration::from_millis(20));
+        let job = client.json("GET", &path, &Value::Null)?;
+        match job["status"].as_str() {
+            Some("queued" | "running") => {}
+            Some("done") => return Ok(start.elapsed()),
+            _ => bail!("the job ended otherwise: {job}"),
+        }
+    }
+    bail!("the job took longer than {MAX_JOB:?}")
+}
+
+/// Eight that other work is measured with, too.
+const PRESETS: &str = "none,ema,smaa1tx,inside,uncharted4,karis2014,salvi2016,inside_ycocg";
+
+/// A job alone, beside mixed requests and so on by turns: the machine's speed changes, and the ratio is to the jobs before
+/// and after.
+fn job_beside_requests(address: SocketAddr, sequence: &str, presets: &[&str]) -> anyhow::Result<()> {
+    const TIMES: usize = 10;
+    let run = || anyhow::Ok(job(address, sequence, presets, "none", "off")?.as_secs_f64());
+    run().context("warming up")?;
+    let mut ratios = Vec::with_capacity(TIMES);
+    let mut before = run()?;
+    for _ in 0..TIMES {
+        let ended = AtomicBool::new(false);
+        let beside = thread::scope(|scope| {
+            let requests = scope.spawn(|| mixed(address, |_| !ended.load(Relaxed)));
+            let beside = run();
+            ended.store(true, Relaxed);
+            requests.join().expect("no thread panics")?;
+            beside
+        })?;
+        let after = run()?;
+        let ratio = beside / ((before + after) / 2.0);
+        println!("a job: {before:.2} s, beside mixed requests {beside:.2} s, {after:.2} s; ratio {ratio:.3}");
+        ratios.push(ratio);
+        before = after;
+    }
+    ratios.sort_by(f64::total_cmp);
+    println!(
+        "median of {TIMES}: {:.3}",
+        f64::midpoint(ratios[TIMES / 2 - 1], ratios[TIMES / 2])
+    );
+    Ok(())
+}
+
+/// One job of all presets against a job for each, by turns.
+fn one_job_or_several(address: SocketAddr, sequence: &str, presets: &[&str]) -> anyhow::Result<()> {
+    const TIMES: usize = 5;
+    for (images, skip) in [("none", "off"), ("none", "exact"), ("half", "off")] {
+        let run = |presets: &[&str]| anyhow::Ok(job(address, sequence, presets, images, skip)?.as_secs_f64());
+        run(presets).context("warming up")?;
+        for _ in 0..TIMES {
+            let together = run(presets)?;
+            let single: f64 = presets.iter().map(|preset| run(&[preset])).sum::<anyhow::Result<_>>()?;
+            let (n, ratio) = (presets.len(), together / single);
+            println!("images {images}, skip {skip}: one job {together:.2} s, {n} jobs {single:.2} s; ratio {ratio:.3}");
+        }
+    }
     Ok(())
 }
