@@ -5,23 +5,24 @@
     client.create_report({"sequence": "bistro", "system": "engine", "values": {"psnr": 38.2}})
 
 Every method is an endpoint. What is refused raises `Problem`. Busy services and broken connections are tried again; a
-POST has an idempotency key, so that it is done once however often it is sent.
+POST has an idempotency key, so that it is done once however often it is sent. It needs Python 3.10 or newer and no package.
 """
 
 from __future__ import annotations
 
 import json
+import sys
 import time
 import urllib.error
 import urllib.parse
 import urllib.request
 import uuid
-from typing import Any, Dict, Iterator, List, Literal, Optional, TypedDict, Union
+from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Literal, Optional, TypedDict, Union, overload
 
-try:
+if sys.version_info >= (3, 11):
     from typing import NotRequired
-except ImportError:  # Python 3.10 and older
-    from typing_extensions import NotRequired  # type: ignore
+elif TYPE_CHECKING:  # Checkers know it of every Python, and nothing else reads it.
+    from typing_extensions import NotRequired
 
 
 class AdapterInfo(TypedDict):
@@ -167,7 +168,7 @@ class BenchPoint(TypedDict):
     upload_ms: float
 
 #: The body of `POST /bench`.
-BenchRequest = TypedDict('BenchRequest', {'bench': "BenchSpecInput", 'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'from': NotRequired[Union["DepartureInput", None]], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'parent': NotRequired[Union[str, None]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'sequence': str})
+BenchRequest = TypedDict('BenchRequest', {'bench': "BenchSpecInput", 'branch': 'NotRequired[Union[str, None]]', 'commit': 'NotRequired[Union[str, None]]', 'engine_version': 'NotRequired[Union[str, None]]', 'from': 'NotRequired[Union["DepartureInput", None]]', 'label': 'NotRequired[Union[str, None]]', 'labels': 'NotRequired[Dict[str, str]]', 'parent': 'NotRequired[Union[str, None]]', 'project': 'NotRequired[Union[str, None]]', 'pull_request': 'NotRequired[Union[str, None]]', 'sequence': str})
 
 class BenchRun(TypedDict):
     """A stored benchmark."""
@@ -687,7 +688,7 @@ class Health(TypedDict):
     version: str
 
 #: A stored job.
-Job = TypedDict('Job', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'sequence_hash': NotRequired[str], 'sequence_name': NotRequired[str], 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
+Job = TypedDict('Job', {'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'sequence_hash': 'NotRequired[str]', 'sequence_name': 'NotRequired[str]', 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
 
 class JobPage(TypedDict):
     """A page of jobs."""
@@ -698,7 +699,7 @@ class JobPage(TypedDict):
     next_cursor: Union["Cursor", None]
 
 #: The body of `POST /jobs`: presets to run, or images rendered elsewhere to compare.
-JobRequest = TypedDict('JobRequest', {'bisect': NotRequired[bool], 'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'force': NotRequired[bool], 'frames': NotRequired[Union[int, None]], 'from': NotRequired[Union["DepartureInput", None]], 'history': NotRequired["Precision"], 'images': NotRequired["Images"], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'metrics': NotRequired[List["MetricId"]], 'outputs': NotRequired[Union["OutputsRequest", None]], 'parent': NotRequired[Union[str, None]], 'presets': NotRequired[List["PresetRequest"]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'repeat': NotRequired[int], 'sequence': str, 'skip': NotRequired["Skip"], 'until': NotRequired[Union["Until", None]], 'validate': NotRequired[bool]})
+JobRequest = TypedDict('JobRequest', {'bisect': 'NotRequired[bool]', 'branch': 'NotRequired[Union[str, None]]', 'commit': 'NotRequired[Union[str, None]]', 'engine_version': 'NotRequired[Union[str, None]]', 'force': 'NotRequired[bool]', 'frames': 'NotRequired[Union[int, None]]', 'from': 'NotRequired[Union["DepartureInput", None]]', 'history': 'NotRequired["Precision"]', 'images': 'NotRequired["Images"]', 'label': 'NotRequired[Union[str, None]]', 'labels': 'NotRequired[Dict[str, str]]', 'metrics': 'NotRequired[List["MetricId"]]', 'outputs': 'NotRequired[Union["OutputsRequest", None]]', 'parent': 'NotRequired[Union[str, None]]', 'presets': 'NotRequired[List["PresetRequest"]]', 'project': 'NotRequired[Union[str, None]]', 'pull_request': 'NotRequired[Union[str, None]]', 'repeat': 'NotRequired[int]', 'sequence': str, 'skip': 'NotRequired["Skip"]', 'until': 'NotRequired[Union["Until", None]]', 'validate': 'NotRequired[bool]'})
 
 class JobSpec(TypedDict):
     """Everything a worker must know to do a job."""
@@ -731,7 +732,7 @@ class JobSpec(TypedDict):
     validate: "Validate"
 
 #: A job and, once it is done, its reports.
-JobWithReports = TypedDict('JobWithReports', {'answered_from_store': NotRequired[bool], 'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'reports': List["Report"], 'sequence_hash': NotRequired[str], 'sequence_name': NotRequired[str], 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
+JobWithReports = TypedDict('JobWithReports', {'answered_from_store': 'NotRequired[bool]', 'attempts': int, 'branch': Union[str, None], 'cancel_requested': bool, 'commit': Union[str, None], 'created_at': "Timestamp", 'engine_version': Union[str, None], 'error': Union["Failure", None], 'finished_at': Union["Timestamp", None], 'from': Union["Departure", None], 'id': int, 'label': Union[str, None], 'labels': Dict[str, str], 'n_done': int, 'n_total': int, 'parent': Union[str, None], 'project': str, 'pull_request': Union[str, None], 'reports': List["Report"], 'sequence_hash': 'NotRequired[str]', 'sequence_name': 'NotRequired[str]', 'spec': "JobSpec", 'started_at': Union["Timestamp", None], 'status': "Status"})
 
 class Judgement(TypedDict):
     """What the rules say."""
@@ -884,6 +885,12 @@ class Parameter(TypedDict):
     name: str
     #: Of its values, where they have one.
     unit: Union[str, None]
+    type: NotRequired[Union[Literal['choice'], Literal['flag'], Literal['integer'], Literal['number']]]
+    values: NotRequired[List["Choice"]]
+    excludes_min: NotRequired[bool]
+    max: NotRequired[float]
+    min: NotRequired[float]
+    odd: NotRequired[bool]
 
 #: What one pass wrote.
 PassAgreement = TypedDict('PassAgreement', {'agrees': bool, 'max': float, 'mean': float, 'n_beyond': int, 'n_undetermined': int, 'non_finite_gpu': int, 'non_finite_twin': int, 'pass': str, 'share_beyond': float, 'worst': Union["Worst", None]})
@@ -1085,7 +1092,7 @@ class RecipeListing(TypedDict):
     publication: str
 
 #: A stored report without its frames.
-Report = TypedDict('Report', {'adapter': "AdapterInfo", 'branch': Union[str, None], 'clocks': str, 'commit': Union[str, None], 'complete': bool, 'created_at': "Timestamp", 'engine_version': Union[str, None], 'environment_id': int, 'from': Union["Departure", None], 'gpu_time_ms': Union[float, None], 'history': Union["Precision", None], 'id': int, 'job_id': Union[int, None], 'kind': "SystemKind", 'label': Union[str, None], 'labels': Dict[str, str], 'metric_versions': Dict[str, int], 'notes': List[str], 'os': str, 'overrides': Dict[str, Any], 'parameters': Any, 'parent': Union[str, None], 'preset': str, 'preset_index': int, 'project': str, 'pull_request': Union[str, None], 'revision': str, 'sequence_hash': Union[str, None], 'sequence_name': str, 'series_id': int, 'stages_ms': Dict[str, float], 'summary': Dict[str, "Summary"], 'times_ms': Dict[str, "TimeSummary"], 'validation': Union["Validation", None], 'values': Dict[str, "Value"]})
+Report = TypedDict('Report', {'adapter': "AdapterInfo", 'branch': Union[str, None], 'clocks': str, 'commit': Union[str, None], 'complete': bool, 'created_at': "Timestamp", 'engine_version': Union[str, None], 'environment_id': int, 'from': Union["Departure", None], 'gpu_time_ms': Union[float, None], 'history': Union["Precision", None], 'id': int, 'job_id': Union[int, None], 'kind': "SystemKind", 'label': Union[str, None], 'labels': Dict[str, str], 'metric_versions': Dict[str, int], 'notes': List[str], 'os': str, 'overrides': Dict[str, Any], 'parameters': Any, 'parent': Union[str, None], 'preset': str, 'preset_index': int, 'project': str, 'pull_request': Union[str, None], 'revision': str, 'sequence_hash': Union[str, None], 'sequence_name': str, 'series_id': int, 'skip': Union["Skip", None], 'stages_ms': Dict[str, float], 'summary': Dict[str, "Summary"], 'times_ms': Dict[str, "TimeSummary"], 'validation': Union["Validation", None], 'values': Dict[str, "Value"]})
 
 class ReportPage(TypedDict):
     """A page of reports."""
@@ -1096,7 +1103,7 @@ class ReportPage(TypedDict):
     reports: List["Report"]
 
 #: The body of `POST /reports`.
-ReportRequest = TypedDict('ReportRequest', {'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'environment': NotRequired["EnvironmentRequest"], 'frames': NotRequired[List["FrameRequest"]], 'from': NotRequired[Union["DepartureInput", None]], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'metric_versions': NotRequired[Dict[str, int]], 'notes': NotRequired[List[str]], 'open': NotRequired[bool], 'parameters': NotRequired[Dict[str, Any]], 'parent': NotRequired[Union[str, None]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'rules': NotRequired[Union["RulesInput", None]], 'sequence': str, 'system': str, 'values': NotRequired[Dict[str, "Value"]]})
+ReportRequest = TypedDict('ReportRequest', {'branch': 'NotRequired[Union[str, None]]', 'commit': 'NotRequired[Union[str, None]]', 'engine_version': 'NotRequired[Union[str, None]]', 'environment': 'NotRequired["EnvironmentRequest"]', 'frames': 'NotRequired[List["FrameRequest"]]', 'from': 'NotRequired[Union["DepartureInput", None]]', 'label': 'NotRequired[Union[str, None]]', 'labels': 'NotRequired[Dict[str, str]]', 'metric_versions': 'NotRequired[Dict[str, int]]', 'notes': 'NotRequired[List[str]]', 'open': 'NotRequired[bool]', 'parameters': 'NotRequired[Dict[str, Any]]', 'parent': 'NotRequired[Union[str, None]]', 'project': 'NotRequired[Union[str, None]]', 'pull_request': 'NotRequired[Union[str, None]]', 'rules': 'NotRequired[Union["RulesInput", None]]', 'sequence': str, 'system': str, 'values': 'NotRequired[Dict[str, "Value"]]'})
 
 class Rule(TypedDict):
     """What must hold of some metrics on some sequences of some recipes."""
@@ -1235,6 +1242,8 @@ class Series(TypedDict):
     sequence_name: str
     #: Row id.
     series_id: int
+    #: Which work was left out; none where unknown.
+    skip: Union["Skip", None]
 
 class StressPage(TypedDict):
     """A page of matrices."""
@@ -1245,7 +1254,7 @@ class StressPage(TypedDict):
     runs: List["StressRun"]
 
 #: The body of `POST /stress`.
-StressRequest = TypedDict('StressRequest', {'branch': NotRequired[Union[str, None]], 'commit': NotRequired[Union[str, None]], 'engine_version': NotRequired[Union[str, None]], 'from': NotRequired[Union["DepartureInput", None]], 'label': NotRequired[Union[str, None]], 'labels': NotRequired[Dict[str, str]], 'parent': NotRequired[Union[str, None]], 'project': NotRequired[Union[str, None]], 'pull_request': NotRequired[Union[str, None]], 'stress': NotRequired["StressSpecInput"]})
+StressRequest = TypedDict('StressRequest', {'branch': 'NotRequired[Union[str, None]]', 'commit': 'NotRequired[Union[str, None]]', 'engine_version': 'NotRequired[Union[str, None]]', 'from': 'NotRequired[Union["DepartureInput", None]]', 'label': 'NotRequired[Union[str, None]]', 'labels': 'NotRequired[Dict[str, str]]', 'parent': 'NotRequired[Union[str, None]]', 'project': 'NotRequired[Union[str, None]]', 'pull_request': 'NotRequired[Union[str, None]]', 'stress': 'NotRequired["StressSpecInput"]'})
 
 class StressRun(TypedDict):
     """A stored matrix, without its cells."""
@@ -1430,6 +1439,8 @@ class Trend(TypedDict):
     sequence_name: str
     #: Row id.
     series_id: int
+    #: Which work was left out; none where unknown.
+    skip: Union["Skip", None]
 
 class TrendList(TypedDict):
     """Lines of one metric."""
@@ -1695,7 +1706,8 @@ class Client:
 
     def get_adapter(self) -> "AdapterInfo":
         """The adapter that runs jobs"""
-        return self._request('GET', f"/adapter", {}, {}, None)
+        answer: "AdapterInfo" = self._request('GET', f"/adapter", {}, {}, None)
+        return answer
 
     def list_alerts(self, *, branch: Optional[str] = None, cursor: Optional[str] = None, limit: Optional[int] = None, project: Optional[str] = None, since: Optional[str] = None, status: Optional[Union[Literal['dismissed'], Literal['open'], Literal['resolved']]] = None) -> "AlertPage":
         """Faults that were found
@@ -1706,7 +1718,8 @@ class Client:
         project: Only of this project.
         since: Only those whose first bad report is of this commit, or came after it.
         status: Only of this status."""
-        return self._request('GET', f"/alerts", {'branch': branch, 'cursor': cursor, 'limit': limit, 'project': project, 'since': since, 'status': status}, {}, None)
+        answer: "AlertPage" = self._request('GET', f"/alerts", {'branch': branch, 'cursor': cursor, 'limit': limit, 'project': project, 'since': since, 'status': status}, {}, None)
+        return answer
 
     def iterate_alerts(self, **query: Any) -> Iterator["Alert"]:
         """Every row of `list_alerts`, page by page."""
@@ -1722,14 +1735,16 @@ class Client:
         """One alert
 
         alert: Number."""
-        return self._request('GET', f"/alerts/{urllib.parse.quote(str(alert), safe='')}", {}, {}, None)
+        answer: "Alert" = self._request('GET', f"/alerts/{urllib.parse.quote(str(alert), safe='')}", {}, {}, None)
+        return answer
 
     def dismiss_alert(self, alert: int, body: "Reason", *, idempotency_key: Optional[str] = None) -> "Alert":
         """Say that an alert does not matter
 
         alert: Number.
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/alerts/{urllib.parse.quote(str(alert), safe='')}/dismiss", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Alert" = self._request('POST', f"/alerts/{urllib.parse.quote(str(alert), safe='')}/dismiss", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def list_baselines(self, *, cursor: Optional[str] = None, limit: Optional[int] = None, report: Optional[int] = None, series: Optional[int] = None) -> "DecisionPage":
         """What was approved and rejected, by whom, why
@@ -1738,7 +1753,8 @@ class Client:
         limit: At most so many, 1 to 1000; 50 where left out.
         report: Only of this report.
         series: Only of this series."""
-        return self._request('GET', f"/baselines", {'cursor': cursor, 'limit': limit, 'report': report, 'series': series}, {}, None)
+        answer: "DecisionPage" = self._request('GET', f"/baselines", {'cursor': cursor, 'limit': limit, 'report': report, 'series': series}, {}, None)
+        return answer
 
     def iterate_baselines(self, **query: Any) -> Iterator["Decision"]:
         """Every row of `list_baselines`, page by page."""
@@ -1756,7 +1772,8 @@ class Client:
         cursor: The `next_cursor` of the page before.
         limit: At most so many, 1 to 1000; 50 where left out.
         sequence: Only those of this sequence: its hash, or the name that it had."""
-        return self._request('GET', f"/bench", {'cursor': cursor, 'limit': limit, 'sequence': sequence}, {}, None)
+        answer: "BenchPage" = self._request('GET', f"/bench", {'cursor': cursor, 'limit': limit, 'sequence': sequence}, {}, None)
+        return answer
 
     def iterate_benchmarks(self, **query: Any) -> Iterator["BenchRun"]:
         """Every row of `list_benchmarks`, page by page."""
@@ -1772,33 +1789,37 @@ class Client:
         """Queue a sweep of settings over a sequence
 
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/bench", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Job" = self._request('POST', f"/bench", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def get_benchmark(self, job: int) -> "BenchRun":
         """A job's points
 
         job: Number."""
-        return self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        answer: "BenchRun" = self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        return answer
 
     def get_front(self, job: int, *, metric: Optional[str] = None) -> bytes:
         """Time against a metric, with the Pareto front
 
         job: Number.
         metric: What the front is drawn on; the benchmark's own metric where left out."""
-        return self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}/front.svg", {'metric': metric}, {}, None)
+        answer: bytes = self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}/front.svg", {'metric': metric}, {}, None)
+        return answer
 
     def export_points(self, job: int, *, metric: Optional[str] = None) -> bytes:
         """A job's points as a table
 
         job: Number.
         metric: What the front is drawn on; the benchmark's own metric where left out."""
-        return self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}/points.csv", {'metric': metric}, {}, None)
+        answer: bytes = self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}/points.csv", {'metric': metric}, {}, None)
+        return answer
 
     def head_blob(self, sha256: str) -> None:
         """Whether a file is here, or how much of it
 
         sha256: SHA-256 of the content in hexadecimal."""
-        return self._request('HEAD', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {}, None)
+        self._request('HEAD', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {}, None)
 
     def put_blob(self, sha256: str, body: bytes, *, content_range: Optional[str] = None) -> Union["Blob", None]:
         """Send a file, or the rest of it
@@ -1806,15 +1827,18 @@ class Client:
         sha256: SHA-256 of the content in hexadecimal.
         content_range: `bytes FIRST-LAST/TOTAL`
         body: The whole file, or the part that `content-range` names."""
-        return self._request('PUT', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {'Content-Range': content_range}, body)
+        answer: Union["Blob", None] = self._request('PUT', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {'Content-Range': content_range}, body)
+        return answer
 
     def list_environments(self) -> "EnvironmentList":
         """Every environment that results came from"""
-        return self._request('GET', f"/environments", {}, {}, None)
+        answer: "EnvironmentList" = self._request('GET', f"/environments", {}, {}, None)
+        return answer
 
     def get_health(self) -> "Health":
         """Whether the database answers"""
-        return self._request('GET', f"/health", {}, {}, None)
+        answer: "Health" = self._request('GET', f"/health", {}, {}, None)
+        return answer
 
     def list_jobs(self, *, cursor: Optional[str] = None, limit: Optional[int] = None, project: Optional[str] = None, sequence: Optional[str] = None, status: Optional[Union[Literal['cancelled'], Literal['done'], Literal['failed'], Literal['queued'], Literal['running']]] = None) -> "JobPage":
         """Jobs
@@ -1824,7 +1848,8 @@ class Client:
         project: Only of this project.
         sequence: Only of this sequence: hash or name.
         status: Only of this status."""
-        return self._request('GET', f"/jobs", {'cursor': cursor, 'limit': limit, 'project': project, 'sequence': sequence, 'status': status}, {}, None)
+        answer: "JobPage" = self._request('GET', f"/jobs", {'cursor': cursor, 'limit': limit, 'project': project, 'sequence': sequence, 'status': status}, {}, None)
+        return answer
 
     def iterate_jobs(self, **query: Any) -> Iterator["Job"]:
         """Every row of `list_jobs`, page by page."""
@@ -1840,51 +1865,61 @@ class Client:
         """Queue presets to run, or images to compare, over a sequence
 
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/jobs", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "JobWithReports" = self._request('POST', f"/jobs", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def cancel_job(self, job: int) -> "JobWithReports":
         """Cancel a job
 
         job: Number."""
-        return self._request('DELETE', f"/jobs/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        answer: "JobWithReports" = self._request('DELETE', f"/jobs/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        return answer
 
     def get_job(self, job: int) -> "JobWithReports":
         """One job with its reports
 
         job: Number."""
-        return self._request('GET', f"/jobs/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        answer: "JobWithReports" = self._request('GET', f"/jobs/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        return answer
 
     def list_metrics(self) -> List["Listing"]:
         """Every metric that is computed here"""
-        return self._request('GET', f"/metrics", {}, {}, None)
+        answer: List["Listing"] = self._request('GET', f"/metrics", {}, {}, None)
+        return answer
 
     def get_document(self) -> Any:
         """This document"""
-        return self._request('GET', f"/openapi.json", {}, {}, None)
+        answer: Any = self._request('GET', f"/openapi.json", {}, {}, None)
+        return answer
 
     def list_presets(self) -> List["Preset"]:
         """Published systems with their parameters' values"""
-        return self._request('GET', f"/presets", {}, {}, None)
+        answer: List["Preset"] = self._request('GET', f"/presets", {}, {}, None)
+        return answer
 
     def list_projects(self) -> "ProjectList":
         """Every project"""
-        return self._request('GET', f"/projects", {}, {}, None)
+        answer: "ProjectList" = self._request('GET', f"/projects", {}, {}, None)
+        return answer
 
     def list_branches(self, project: str) -> "BranchList":
         """A project's branches with their points of departure
 
         project: Project name."""
-        return self._request('GET', f"/projects/{urllib.parse.quote(str(project), safe='')}/branches", {}, {}, None)
+        answer: "BranchList" = self._request('GET', f"/projects/{urllib.parse.quote(str(project), safe='')}/branches", {}, {}, None)
+        return answer
 
     def list_recipes(self) -> "RecipeList":
         """Published systems with every parameter's type, unit, range, default"""
-        return self._request('GET', f"/recipes", {}, {}, None)
+        answer: "RecipeList" = self._request('GET', f"/recipes", {}, {}, None)
+        return answer
 
     def get_recipe(self, preset: str) -> "RecipeListing":
         """One published system
 
         preset: Preset id."""
-        return self._request('GET', f"/recipes/{urllib.parse.quote(str(preset), safe='')}", {}, {}, None)
+        answer: "RecipeListing" = self._request('GET', f"/recipes/{urllib.parse.quote(str(preset), safe='')}", {}, {}, None)
+        return answer
 
     def list_reports(self, *, branch: Optional[str] = None, commit: Optional[str] = None, cursor: Optional[str] = None, latest: Optional[bool] = None, limit: Optional[int] = None, preset: Optional[str] = None, project: Optional[str] = None, sequence: Optional[str] = None, series: Optional[int] = None) -> "ReportPage":
         """Reports
@@ -1898,7 +1933,8 @@ class Client:
         project: Only of this project.
         sequence: Only of this sequence: hash or name.
         series: Only of this series."""
-        return self._request('GET', f"/reports", {'branch': branch, 'commit': commit, 'cursor': cursor, 'latest': latest, 'limit': limit, 'preset': preset, 'project': project, 'sequence': sequence, 'series': series}, {}, None)
+        answer: "ReportPage" = self._request('GET', f"/reports", {'branch': branch, 'commit': commit, 'cursor': cursor, 'latest': latest, 'limit': limit, 'preset': preset, 'project': project, 'sequence': sequence, 'series': series}, {}, None)
+        return answer
 
     def iterate_reports(self, **query: Any) -> Iterator["Report"]:
         """Every row of `list_reports`, page by page."""
@@ -1914,7 +1950,8 @@ class Client:
         """Post results measured elsewhere
 
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/reports", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Posted" = self._request('POST', f"/reports", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def create_bencher_reports(self, body: "BencherRequest", *, branch: Optional[str] = None, commit: Optional[str] = None, project: Optional[str] = None, system: Optional[str] = None, testbed: Optional[str] = None, idempotency_key: Optional[str] = None) -> "PostedAll":
         """Post Bencher's metric JSON: a report a benchmark
@@ -1925,41 +1962,53 @@ class Client:
         system: What measured; `bencher` where left out.
         testbed: The machine's name.
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/reports/bencher", {'branch': branch, 'commit': commit, 'project': project, 'system': system, 'testbed': testbed}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "PostedAll" = self._request('POST', f"/reports/bencher", {'branch': branch, 'commit': commit, 'project': project, 'system': system, 'testbed': testbed}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def get_report(self, report: int) -> "Report":
         """One report without its frames
 
         report: Number."""
-        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}", {}, {}, None)
+        answer: "Report" = self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}", {}, {}, None)
+        return answer
 
     def close_report(self, report: int, body: "CloseRequest", *, idempotency_key: Optional[str] = None) -> "Posted":
         """Summarise an open report; from now on it counts
 
         report: Number.
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/close", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Posted" = self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/close", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def decide(self, report: int, body: "DecisionRequest", *, idempotency_key: Optional[str] = None) -> "Decision":
         """Approve a result into its line's baseline, or reject it
 
         report: Number.
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/decisions", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Decision" = self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/decisions", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
+
+    @overload
+    def list_frames(self, report: int, *, format: Optional[Literal['json']] = None) -> "FrameList": ...
+
+    @overload
+    def list_frames(self, report: int, *, format: Literal['csv', 'parquet']) -> bytes: ...
 
     def list_frames(self, report: int, *, format: Optional[Union[Literal['csv'], Literal['json'], Literal['parquet']]] = None) -> Union["FrameList", bytes]:
         """Every frame's metrics and times, as JSON, CSV or Parquet
 
         report: Number.
         format: JSON unless this or the header `accept` asks for another."""
-        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames", {'format': format}, {}, None)
+        answer: Union["FrameList", bytes] = self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames", {'format': format}, {}, None)
+        return answer
 
     def add_frames(self, report: int, body: "FramesRequest", *, idempotency_key: Optional[str] = None) -> "FramesPosted":
         """Add frames to an open report
 
         report: Number.
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "FramesPosted" = self._request('POST', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def get_report_image(self, report: int, frame: int, image: str, *, max: Optional[float] = None, width: Optional[int] = None) -> bytes:
         """A frame's input, output, reference, error, or map of a spatial metric
@@ -1969,20 +2018,23 @@ class Client:
         image: `output`, `reference`, `error`, `history`, `skipped` or a spatial metric's id, with `.png` or `.exr`.
         max: The error, in display values, or the value of a map that is drawn white.
         width: Make a PNG at most so wide, 16 to 4096 pixels."""
-        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'max': max, 'width': width}, {}, None)
+        answer: bytes = self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'max': max, 'width': width}, {}, None)
+        return answer
 
     def get_validation(self, report: int) -> "Validation":
         """How far the adapter is from the twin, every pass of every frame
 
         report: Number."""
-        return self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/validation", {}, {}, None)
+        answer: "Validation" = self._request('GET', f"/reports/{urllib.parse.quote(str(report), safe='')}/validation", {}, {}, None)
+        return answer
 
     def list_sequences(self, *, cursor: Optional[str] = None, limit: Optional[int] = None) -> "SequencePage":
         """Sequences
 
         cursor: The `next_cursor` of the page before.
         limit: At most so many, 1 to 1000; 50 where left out."""
-        return self._request('GET', f"/sequences", {'cursor': cursor, 'limit': limit}, {}, None)
+        answer: "SequencePage" = self._request('GET', f"/sequences", {'cursor': cursor, 'limit': limit}, {}, None)
+        return answer
 
     def iterate_sequences(self, **query: Any) -> Iterator["Sequence"]:
         """Every row of `list_sequences`, page by page."""
@@ -1998,26 +2050,30 @@ class Client:
         """Make a sequence of blobs
 
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/sequences", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Sequence" = self._request('POST', f"/sequences", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def get_sequence(self, sequence: str) -> "Checked":
         """One sequence with its manifest and its check
 
         sequence: Content hash, or the name it was last put under."""
-        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, None)
+        answer: "Checked" = self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, None)
+        return answer
 
     def put_sequence(self, sequence: str, body: bytes) -> "Sequence":
         """Send a sequence as tar, tar.gz or zip
 
         sequence: Content hash, or the name it was last put under.
         body: Streamed; unpacked within limits, checked and hashed before it is kept."""
-        return self._request('PUT', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, body)
+        answer: "Sequence" = self._request('PUT', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, body)
+        return answer
 
     def get_archive(self, sequence: str) -> bytes:
         """A sequence as a tar
 
         sequence: Content hash, or the name it was last put under."""
-        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/archive", {}, {}, None)
+        answer: bytes = self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/archive", {}, {}, None)
+        return answer
 
     def get_sequence_image(self, sequence: str, frame: int, image: str, *, width: Optional[int] = None) -> bytes:
         """A frame's input or reference
@@ -2026,7 +2082,8 @@ class Client:
         frame: Frame index, from 0.
         image: `output`, `reference`, `error`, `history`, `skipped` or a spatial metric's id, with `.png` or `.exr`.
         width: Make a PNG at most so wide, 16 to 4096 pixels."""
-        return self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'width': width}, {}, None)
+        answer: bytes = self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}/frames/{urllib.parse.quote(str(frame), safe='')}/{urllib.parse.quote(str(image), safe='')}", {'width': width}, {}, None)
+        return answer
 
     def list_series(self, metric: str, *, adapter: Optional[str] = None, branch: Optional[str] = None, limit: Optional[int] = None, preset: Optional[str] = None, project: Optional[str] = None, sequence: Optional[str] = None) -> "TrendList":
         """A metric over time, a line for each sequence, recipe and environment
@@ -2038,13 +2095,15 @@ class Client:
         preset: Only of this preset or external system.
         project: Only of this project.
         sequence: Only of this sequence: hash or name."""
-        return self._request('GET', f"/series", {'adapter': adapter, 'branch': branch, 'limit': limit, 'metric': metric, 'preset': preset, 'project': project, 'sequence': sequence}, {}, None)
+        answer: "TrendList" = self._request('GET', f"/series", {'adapter': adapter, 'branch': branch, 'limit': limit, 'metric': metric, 'preset': preset, 'project': project, 'sequence': sequence}, {}, None)
+        return answer
 
     def get_series(self, series: int) -> "Series":
         """What the points of a line have in common
 
         series: Number."""
-        return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}", {}, {}, None)
+        answer: "Series" = self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}", {}, {}, None)
+        return answer
 
     def get_marks(self, series: int, metric: str, *, branch: Optional[str] = None) -> "Marks":
         """What a chart of a line draws beside its points: limits, baseline, changes of level
@@ -2052,7 +2111,14 @@ class Client:
         series: Number.
         branch: Of this branch and its past, by its rules; without it, of all reports, by the rules of the newest one's branch.
         metric: A metric's id, or `gpu_time_ms`."""
-        return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}/marks", {'branch': branch, 'metric': metric}, {}, None)
+        answer: "Marks" = self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}/marks", {'branch': branch, 'metric': metric}, {}, None)
+        return answer
+
+    @overload
+    def list_points(self, series: int, metric: str, *, branch: Optional[str] = None, format: Optional[Literal['json']] = None, limit: Optional[int] = None, max_points: Optional[int] = None, since_ms: Optional[int] = None, until_ms: Optional[int] = None) -> "PointList": ...
+
+    @overload
+    def list_points(self, series: int, metric: str, *, branch: Optional[str] = None, format: Literal['csv', 'parquet'], limit: Optional[int] = None, max_points: Optional[int] = None, since_ms: Optional[int] = None, until_ms: Optional[int] = None) -> bytes: ...
 
     def list_points(self, series: int, metric: str, *, branch: Optional[str] = None, format: Optional[Union[Literal['csv'], Literal['json'], Literal['parquet']]] = None, limit: Optional[int] = None, max_points: Optional[int] = None, since_ms: Optional[int] = None, until_ms: Optional[int] = None) -> Union["PointList", bytes]:
         """A metric of one line, whole or thinned, as JSON, CSV or Parquet
@@ -2065,14 +2131,16 @@ class Client:
         metric: A metric's id, or `gpu_time_ms`.
         since_ms: Not before: milliseconds since 1970.
         until_ms: Not after: milliseconds since 1970."""
-        return self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}/points", {'branch': branch, 'format': format, 'limit': limit, 'max_points': max_points, 'metric': metric, 'since_ms': since_ms, 'until_ms': until_ms}, {}, None)
+        answer: Union["PointList", bytes] = self._request('GET', f"/series/{urllib.parse.quote(str(series), safe='')}/points", {'branch': branch, 'format': format, 'limit': limit, 'max_points': max_points, 'metric': metric, 'since_ms': since_ms, 'until_ms': until_ms}, {}, None)
+        return answer
 
     def list_matrices(self, *, cursor: Optional[str] = None, limit: Optional[int] = None) -> "StressPage":
         """Matrices of stress runs, without their cells
 
         cursor: The `next_cursor` of the page before.
         limit: At most so many, 1 to 1000; 50 where left out."""
-        return self._request('GET', f"/stress", {'cursor': cursor, 'limit': limit}, {}, None)
+        answer: "StressPage" = self._request('GET', f"/stress", {'cursor': cursor, 'limit': limit}, {}, None)
+        return answer
 
     def iterate_matrices(self, **query: Any) -> Iterator["StressRun"]:
         """Every row of `list_matrices`, page by page."""
@@ -2088,59 +2156,68 @@ class Client:
         """Queue a matrix of hazards and recipes
 
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/stress", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Job" = self._request('POST', f"/stress", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def get_matrix(self, job: int) -> "Matrix":
         """A job's matrix with its cells
 
         job: Number."""
-        return self._request('GET', f"/stress/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        answer: "Matrix" = self._request('GET', f"/stress/{urllib.parse.quote(str(job), safe='')}", {}, {}, None)
+        return answer
 
     def get_cell_image(self, job: int, picture: str) -> bytes:
         """A cell's frames, a row each: adapter, twin, and their difference
 
         job: Number.
         picture: A cell's index in the matrix, from 0, with `.png`."""
-        return self._request('GET', f"/stress/{urllib.parse.quote(str(job), safe='')}/cells/{urllib.parse.quote(str(picture), safe='')}", {}, {}, None)
+        answer: bytes = self._request('GET', f"/stress/{urllib.parse.quote(str(job), safe='')}/cells/{urllib.parse.quote(str(picture), safe='')}", {}, {}, None)
+        return answer
 
     def list_thresholds(self) -> "ThresholdList":
         """The rules of every branch, as last sent"""
-        return self._request('GET', f"/thresholds", {}, {}, None)
+        answer: "ThresholdList" = self._request('GET', f"/thresholds", {}, {}, None)
+        return answer
 
     def list_tokens(self) -> "TokenList":
         """Every token, without its text"""
-        return self._request('GET', f"/tokens", {}, {}, None)
+        answer: "TokenList" = self._request('GET', f"/tokens", {}, {}, None)
+        return answer
 
     def revoke_token(self, token: int) -> None:
         """Revoke a token
 
         token: Number."""
-        return self._request('DELETE', f"/tokens/{urllib.parse.quote(str(token), safe='')}", {}, {}, None)
+        self._request('DELETE', f"/tokens/{urllib.parse.quote(str(token), safe='')}", {}, {}, None)
 
     def create_verdict(self, body: "VerdictRequest", *, idempotency_key: Optional[str] = None) -> "Judgement":
         """Hold reports against rules, which become their branch's
 
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/verdicts", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "Judgement" = self._request('POST', f"/verdicts", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def list_webhooks(self) -> "WebhookList":
         """Every webhook, without its secret"""
-        return self._request('GET', f"/webhooks", {}, {}, None)
+        answer: "WebhookList" = self._request('GET', f"/webhooks", {}, {}, None)
+        return answer
 
     def create_webhook(self, body: "WebhookRequest", *, idempotency_key: Optional[str] = None) -> "NewWebhook":
         """Tell an address of a project's verdicts
 
         idempotency_key: Any text. The same request with the same key is done once; its answer is kept for a day."""
-        return self._request('POST', f"/webhooks", {}, {'Idempotency-Key': idempotency_key}, body)
+        answer: "NewWebhook" = self._request('POST', f"/webhooks", {}, {'Idempotency-Key': idempotency_key}, body)
+        return answer
 
     def delete_webhook(self, webhook: int) -> None:
         """Remove a webhook
 
         webhook: Number."""
-        return self._request('DELETE', f"/webhooks/{urllib.parse.quote(str(webhook), safe='')}", {}, {}, None)
+        self._request('DELETE', f"/webhooks/{urllib.parse.quote(str(webhook), safe='')}", {}, {}, None)
 
     def list_deliveries(self, webhook: int) -> "DeliveryList":
         """What a webhook was sent
 
         webhook: Number."""
-        return self._request('GET', f"/webhooks/{urllib.parse.quote(str(webhook), safe='')}/deliveries", {}, {}, None)
+        answer: "DeliveryList" = self._request('GET', f"/webhooks/{urllib.parse.quote(str(webhook), safe='')}/deliveries", {}, {}, None)
+        return answer

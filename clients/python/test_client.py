@@ -4,18 +4,19 @@ import hashlib
 import sys
 import threading
 import unittest
+from typing import List
 
-from afterimage_client import Client, Problem
+from afterimage_client import Client, FrameRequest, Problem, ReportRequest, RulesInput
 
 URL = sys.argv.pop()
 
 
 class ClientTest(unittest.TestCase):
-    def setUp(self):
+    def setUp(self) -> None:
         self.client = Client(URL)
 
-    def test_post_and_read(self):
-        frames = [{"index": index, "metrics": {"psnr": 30.0 + index}} for index in range(3)]
+    def test_post_and_read(self) -> None:
+        frames: List[FrameRequest] = [{"index": index, "metrics": {"psnr": 30.0 + index}} for index in range(3)]
         posted = self.client.create_report(
             {"sequence": "bistro", "system": "engine", "branch": "main", "commit": "from-python", "frames": frames}
         )
@@ -28,7 +29,7 @@ class ClientTest(unittest.TestCase):
         page = self.client.list_points(series[0]["series_id"], metric="psnr", max_points=10)
         self.assertEqual(page["n_points"], 1)
 
-    def test_problems(self):
+    def test_problems(self) -> None:
         with self.assertRaises(Problem) as caught:
             self.client.get_report(10**9)
         self.assertEqual((caught.exception.status, caught.exception.code), (404, "not_found"))
@@ -36,30 +37,37 @@ class ClientTest(unittest.TestCase):
             self.client.create_report({"sequence": "a", "system": "b", "frames": [{"index": 0, "metrics": {"a b": 1}}]})
         self.assertEqual(caught.exception.field, "frames[0].metrics")
 
-    def test_race_with_one_key(self):
-        body = {"sequence": "race", "system": "engine", "values": {"psnr": 1.0}, "commit": "from-python"}
-        ids = []
+    def test_race_with_one_key(self) -> None:
+        body: ReportRequest = {"sequence": "race", "system": "engine", "values": {"psnr": 1.0}, "commit": "from-python"}
+        ids: List[int] = []
         post = lambda: ids.append(self.client.create_report(body, idempotency_key="race-1")["id"])
         threads = [threading.Thread(target=post) for _ in range(4)]
-        [thread.start() for thread in threads]
-        [thread.join() for thread in threads]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
         self.assertEqual((len(ids), len(set(ids))), (4, 1))
 
-    def test_blobs_and_pages(self):
+    def test_blobs_and_pages(self) -> None:
         content = b"content"
         digest = hashlib.sha256(content).hexdigest()
-        self.assertEqual(self.client.put_blob(digest, content)["n_bytes"], len(content))
-        self.assertIsNone(self.client.head_blob(digest))
+        blob = self.client.put_blob(digest, content)
+        assert blob is not None
+        self.assertEqual(blob["n_bytes"], len(content))
+        self.client.head_blob(digest)
         for commit in range(5):
             self.client.create_report({"sequence": "pages", "system": "e", "values": {"psnr": 1}, "commit": "from-python"})
         walked = [report["id"] for report in self.client.iterate_reports(sequence="pages", limit=2)]
         self.assertEqual(len(walked), 5)
         self.assertEqual(walked, sorted(walked, reverse=True))
 
-    def test_verdict(self):
-        report = {"sequence": "v", "system": "e", "values": {"psnr": 20.0}, "commit": "from-python"}
-        rules = {"rule": [{"metric": "psnr", "min": 30.0}]}
-        judgement = self.client.create_report({**report, "rules": rules})["judgement"]
+    def test_verdict(self) -> None:
+        rules: RulesInput = {"rule": [{"metric": "psnr", "min": 30.0}]}
+        report: ReportRequest = {
+            "sequence": "v", "system": "e", "values": {"psnr": 20.0}, "commit": "from-python", "rules": rules
+        }
+        judgement = self.client.create_report(report)["judgement"]
+        assert judgement is not None
         self.assertEqual(judgement["outcome"], "regression")
         self.assertEqual(self.client.list_recipes()["recipes"][0]["parameters"][0]["type"], "choice")
 

@@ -10,7 +10,7 @@ use serde_json::Value;
 /// Show the alerts of a service since a commit; status 1 where any is open
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  afterimage regressions http://127.0.0.1:8080 --since v1.4
+  afterimage regressions http://127.0.0.1:8080 --since $(git rev-parse v1.4^{commit})
   afterimage regressions http://127.0.0.1:8080 --branch main --json -
 
 Exit status: 0 none is open, 1 some are, 2 wrong use or no answer.")]

@@ -78,6 +78,11 @@ pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<AlertQuery>)
         None => None,
         Some(commit) => Some(first_report(&service, commit, query.project.as_deref()).await?),
     };
+    if let Some(project) = &query.project
+        && !service.store.projects().await?.contains(project)
+    {
+        return Err(ApiError::invalid("unknown_project", format!("there is no project `{project}`")).field("project"));
+    }
     let filter = AlertFilter {
         project: query.project,
         status: query.status,

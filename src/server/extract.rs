@@ -29,6 +29,13 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for ApiJson<T> {
             ));
         }
         let bytes = Bytes::from_request(request, state).await.map_err(body_error)?;
+        // Fields by their place, which serde would take, too.
+        if bytes.trim_ascii_start().starts_with(b"[") {
+            return Err(ApiError::invalid(
+                "invalid_field",
+                "the body must be an object, not an array",
+            ));
+        }
         let mut deserializer = serde_json::Deserializer::from_slice(&bytes);
         let value = serde_path_to_error::deserialize(&mut deserializer).map_err(json_error)?;
         deserializer

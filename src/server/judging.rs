@@ -89,15 +89,24 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
     for reports in by_series.values() {
         gather(service, reports, &branch, &rules, &mut gathered).await?;
     }
+    let superseded: BTreeSet<i64> = gathered.iter().filter_map(Gathered::superseded).collect();
     let judged = rules.clone();
     let mut checks =
         tokio::task::spawn_blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>())
             .await
             .map_err(ApiError::internal)?;
+    for reports in by_series.values() {
+        let series = &reports[0].series;
+        let (sequence, recipe) = (&series.sequence_name, &series.preset);
+        checks.extend(rules.unmeasured(Some(series.id), sequence, recipe, &measured(reports)));
+    }
     add_worst_frames(service, &reports, &mut checks).await?;
     let now = Timestamp::now();
     service.store.put_rules(&project, &branch, &rules, now).await?;
-    let alerts = service.store.note_checks(&project, &branch, &checks, now).await?;
+    // What was before says nothing of how a line stands now.
+    let is_current = |check: &&Check| check.series_id.is_none_or(|id| !superseded.contains(&id));
+    let current: Vec<Check> = checks.iter().filter(is_current).cloned().collect();
+    let alerts = service.store.note_checks(&project, &branch, &current, now).await?;
     let judgement = Judgement {
         outcome: overall(&checks),
         checks,
@@ -139,6 +148,13 @@ fn place(reports: &[Arc<Report>]) -> Result<(String, String), ApiError> {
     }
 }
 
+/// What any of these has a value of.
+fn measured(reports: &[&Arc<Report>]) -> BTreeSet<String> {
+    let metrics = reports.iter().flat_map(|report| report.values.keys().cloned());
+    let times = reports.iter().filter_map(|report| report.gpu_time_ms);
+    metrics.chain(times.map(|_| GPU_TIME.to_owned())).collect()
+}
+
 async fn gather(
     service: &Service,
     reports: &[&Arc<Report>],
@@ -152,12 +168,7 @@ async fn gather(
         "" => None,
         branch => store.branch_path(&series.project, branch).await?,
     };
-    let mut metrics: BTreeSet<String> = reports
-        .iter()
-        .flat_map(|report| report.values.keys().cloned())
-        .collect();
-    metrics.extend(newest.gpu_time_ms.map(|_| GPU_TIME.to_owned()));
-    for metric in metrics {
+    for metric in measured(reports) {
         let asked = rules.checks(&series.sequence_name, &series.preset, &metric);
         if asked == crate::verdict::Checks::default() {
             continue;
@@ -203,6 +214,12 @@ pub(super) fn past(points: Vec<crate::store::Point>) -> Vec<Past> {
 }
 
 impl Gathered {
+    /// The line, where it has newer results than those that are judged.
+    fn superseded(&self) -> Option<i64> {
+        let newest = self.history.last()?;
+        (newest.report_id > self.report.id).then_some(self.report.series.id)
+    }
+
     fn judge(&self, rules: &Rules) -> Vec<Check> {
         rules.judge(&Line {
             series_id: self.report.series.id,

@@ -224,6 +224,7 @@ impl ReportRequest {
                 kind: SystemKind::External,
                 name: self.system,
                 history: None,
+                skip: None,
                 overrides: parameters.clone(),
                 parameters,
             },
@@ -386,8 +387,10 @@ pub async fn post_bencher(
     if benchmarks.is_empty() || benchmarks.len() > 1000 {
         return Err(ApiError::invalid("invalid_field", "give 1 to 1000 benchmarks"));
     }
+    stay_distinct(benchmarks.keys())?;
     let mut reports = Vec::with_capacity(benchmarks.len());
     for (benchmark, measures) in benchmarks {
+        stay_distinct(measures.keys())?;
         let mut notes = Vec::new();
         let mut values = BTreeMap::new();
         for (measure, metric) in measures {
@@ -428,6 +431,21 @@ pub async fn post_bencher(
     let posts = reports.into_iter().map(|report| service.store.ingest().report(report));
     let ids = futures_util::future::try_join_all(posts).await?;
     Ok((StatusCode::CREATED, Json(PostedAll { ids })))
+}
+
+/// Refuses names of which two would become one.
+fn stay_distinct<'a>(names: impl Iterator<Item = &'a String>) -> Result<(), ApiError> {
+    let mut seen = BTreeMap::new();
+    for name in names {
+        if let Some(other) = seen.insert(plain(name), name) {
+            let detail = format!(
+                "`{other}` and `{name}` would both be called `{}`; rename one",
+                plain(name)
+            );
+            return Err(ApiError::invalid("invalid_name", detail));
+        }
+    }
+    Ok(())
 }
 
 /// Benchmarks are named by paths and types; what is no letter or digit becomes a dash.

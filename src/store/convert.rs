@@ -2,13 +2,10 @@
 //! and lose their last bits.
 
 use super::{
-    GPU_TIME, MetricSummary, StoreError, Timestamp, value,
+    MetricSummary, StoreError, Timestamp, model, value,
     writing::{Memory, Place, Writer},
 };
-use crate::{
-    metrics::Value,
-    run::report::{FrameReport, TimeSummary},
-};
+use crate::run::report::{FrameReport, TimeSummary};
 use sqlx::{Connection as _, QueryBuilder, Row as _, SqliteConnection, sqlite::SqlitePool};
 use std::collections::BTreeMap;
 
@@ -77,10 +74,7 @@ async fn report(connection: &mut SqliteConnection, memory: &mut Memory, id: i64)
         now,
     };
     writer.frames(id, &frames).await?;
-    let values = metrics
-        .iter()
-        .map(|(metric, found)| (metric.as_str(), found.summary.mean, found.version));
-    let values = values.chain(gpu_time_ms.map(|ms| (GPU_TIME, Value(ms), 0)));
+    let values = model::points(&metrics, gpu_time_ms);
     writer.points(QueryBuilder::new(""), place, values).await
 }
 
@@ -163,6 +157,7 @@ async fn frames(connection: &mut SqliteConnection, id: i64) -> Result<Vec<FrameR
 #[cfg(test)]
 mod tests {
     use super::super::{GPU_TIME, ReportFilter, SeriesFilter, Store, TrendFilter};
+    use crate::taa::Skip;
     use sqlx::{Connection as _, SqliteConnection};
 
     /// A history as version 0.1 wrote it, with numbers that decimal digits would spoil.
@@ -203,6 +198,8 @@ mod tests {
             assert_eq!((report.metric_versions["psnr"], report.times_ms["resolve"].n), (1, 3));
             assert_eq!(report.provenance.branch.as_deref(), Some("main"));
             assert_eq!(report.series.environment.adapter.driver_version, "25");
+            assert_eq!(report.series.skip, Some(Skip::Off));
+            assert_eq!(store.sequence("ship").await.unwrap().unwrap().hash, "aa");
             let frames = store.frames(11).await.unwrap();
             assert_eq!(frames[0].metrics["psnr"].0, f64::INFINITY);
             assert_eq!(frames[1].metrics["psnr"].0, 24.980_085_622_375_846);

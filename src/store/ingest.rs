@@ -3,7 +3,7 @@
 //! is stored survives a power cut.
 
 use super::{
-    FrameReport, MetricSummary, NewReport, Store, StoreError, Timestamp, condense,
+    FrameReport, MetricSummary, NewReport, Store, StoreError, Timestamp, condense, model,
     reading::read_frames,
     writer::WriterPool,
     writing::{Memory, Place, Writer},
@@ -254,7 +254,7 @@ impl Desk {
         let frames = read_frames(connection, report_id).await?;
         let (metrics, times_ms): (BTreeMap<String, MetricSummary>, BTreeMap<String, TimeSummary>) =
             condense(&frames, versions);
-        let gpu_time_ms = super::model::gpu_time_ms(&times_ms);
+        let gpu_time_ms = model::gpu_time_ms(&metrics, &times_ms);
         let row = sqlx::query(
             "UPDATE reports SET complete = 1, metrics = ?, times_ms = ?, gpu_time_ms = ? WHERE id = ?
              RETURNING series_id, branch_id",
@@ -271,12 +271,8 @@ impl Desk {
             branch_id: row.try_get("branch_id")?,
             late: true,
         };
-        let values = metrics
-            .iter()
-            .map(|(metric, found)| (metric.as_str(), found.summary.mean, found.version));
-        let values = values.chain(gpu_time_ms.map(|ms| (super::GPU_TIME, crate::metrics::Value(ms), 0)));
         self.writer(connection, now)
-            .points(QueryBuilder::new(""), place, values)
+            .points(QueryBuilder::new(""), place, model::points(&metrics, gpu_time_ms))
             .await
     }
 }

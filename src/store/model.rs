@@ -4,7 +4,7 @@
 use crate::{
     metrics::{Summary, Value},
     run::report::{AdapterInfo, FrameReport, TimeSummary},
-    taa::{Precision, validation::Validation},
+    taa::{Precision, Skip, validation::Validation},
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -91,6 +91,8 @@ pub struct System {
     pub name: String,
     /// How history was stored; none where unknown.
     pub history: Option<Precision>,
+    /// Which work was left out; none where unknown.
+    pub skip: Option<Skip>,
     /// All settings.
     pub parameters: serde_json::Value,
     /// The ones that the submitter changed.
@@ -143,13 +145,27 @@ pub struct NewReport {
 impl NewReport {
     /// GPU time of one frame, milliseconds.
     pub fn gpu_time_ms(&self) -> Option<f64> {
-        gpu_time_ms(&self.times_ms)
+        gpu_time_ms(&self.metrics, &self.times_ms)
     }
 }
 
-/// The sum of the passes' medians; `None` where nothing was timed.
-pub(super) fn gpu_time_ms(times_ms: &BTreeMap<String, TimeSummary>) -> Option<f64> {
-    times_ms.values().map(|time| time.median).reduce(|a, b| a + b)
+/// The sum of the passes' medians, or what was measured under that name; `None` where nothing was timed.
+pub(super) fn gpu_time_ms(
+    metrics: &BTreeMap<String, MetricSummary>,
+    times_ms: &BTreeMap<String, TimeSummary>,
+) -> Option<f64> {
+    let of_passes = times_ms.values().map(|time| time.median).reduce(|a, b| a + b);
+    of_passes.or_else(|| Some(metrics.get(GPU_TIME)?.summary.mean.0))
+}
+
+/// The numbers that a report has in the trends: metric, value and version.
+pub(super) fn points(
+    metrics: &BTreeMap<String, MetricSummary>,
+    gpu_time_ms: Option<f64>,
+) -> impl Iterator<Item = (&str, Value, u32)> {
+    let metrics = metrics.iter().filter(|(metric, _)| *metric != GPU_TIME);
+    let values = metrics.map(|(metric, found)| (metric.as_str(), found.summary.mean, found.version));
+    values.chain(gpu_time_ms.map(|ms| (GPU_TIME, Value(ms), 0)))
 }
 
 /// Times of a frame that are not a GPU's.

@@ -6,7 +6,7 @@ use super::{
 use crate::{
     metrics::{Summary, Value},
     run::report::{AdapterInfo, FrameReport, TimeSummary},
-    taa::{Precision, validation::Validation},
+    taa::{Precision, Skip, validation::Validation},
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -70,6 +70,8 @@ pub struct Series {
     pub preset: String,
     /// How history was stored; none where unknown.
     pub history: Option<Precision>,
+    /// Which work was left out; none where unknown.
+    pub skip: Option<Skip>,
     /// The recipe in full.
     pub parameters: serde_json::Value,
     /// The parameters that the submitter changed.
@@ -140,6 +142,7 @@ pub(super) fn adapter(row: &SqliteRow) -> Result<AdapterInfo, sqlx::Error> {
 impl FromRow<'_, SqliteRow> for Series {
     fn from_row(row: &SqliteRow) -> Result<Self, sqlx::Error> {
         let history: Option<&str> = row.try_get("history")?;
+        let skip: Option<&str> = row.try_get("skip")?;
         Ok(Self {
             id: row.try_get("series_id")?,
             project: row.try_get("project")?,
@@ -148,6 +151,7 @@ impl FromRow<'_, SqliteRow> for Series {
             kind: row.try_get("variant_kind")?,
             preset: row.try_get("preset")?,
             history: history.map(value::precision),
+            skip: skip.and_then(|skip| skip.parse().ok()),
             parameters: json(row, "parameters")?,
             overrides: json::<Option<_>>(row, "overrides")?.unwrap_or_default(),
             environment_id: row.try_get("environment_id")?,
@@ -212,7 +216,7 @@ macro_rules! series_columns {
     () => {
         "series.id AS series_id, projects.name AS project, sequences.hash,
          coalesce(sequences.name, subjects.name) AS name, variants.kind AS variant_kind, variants.preset,
-         variants.history, variants.parameters, variants.overrides, environments.id AS environment_id,
+         variants.history, variants.skip, variants.parameters, variants.overrides, environments.id AS environment_id,
          environments.os, environments.clocks, adapters.name AS adapter_name, adapters.backend,
          adapters.kind AS adapter_kind, adapters.driver, adapters.driver_version"
     };

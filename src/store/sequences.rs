@@ -79,13 +79,14 @@ macro_rules! select_called {
         concat!(
             "SELECT ",
             $columns,
-            " FROM sequences WHERE hash = ?1 OR name = ?1 ORDER BY hash = ?1 DESC, put_at DESC, id DESC LIMIT 1"
+            " FROM sequences WHERE hash = ?1 OR id = (SELECT sequence_id FROM sequence_names WHERE name = ?1)
+              ORDER BY hash = ?1 DESC LIMIT 1"
         )
     };
 }
 
 impl Store {
-    /// Stores `sequence`, or renames the one with the same content. The flag says whether the content is new.
+    /// Stores `sequence`, or gives the one with the same content another name. The flag says whether the content is new.
     pub async fn put_sequence(&self, sequence: &NewSequence, now: Timestamp) -> Result<(Sequence, bool), StoreError> {
         let mut writing = self.writer.acquire().await?;
         let mut transaction = writing.begin().await?;
@@ -93,7 +94,7 @@ impl Store {
             .bind(&sequence.hash)
             .fetch_optional(&mut *transaction)
             .await?;
-        let stored = sqlx::query_as(
+        let stored: Sequence = sqlx::query_as(
             "INSERT INTO sequences (hash, name, manifest, render_width, render_height, output_width, output_height,
                                     n_frames, n_bytes, put_at)
              VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
@@ -111,6 +112,14 @@ impl Store {
         .bind(sequence.n_bytes as i64)
         .bind(now)
         .fetch_one(&mut *transaction)
+        .await?;
+        sqlx::query(
+            "INSERT INTO sequence_names (name, sequence_id) VALUES (?, ?)
+             ON CONFLICT (name) DO UPDATE SET sequence_id = excluded.sequence_id",
+        )
+        .bind(&sequence.name)
+        .bind(stored.id)
+        .execute(&mut *transaction)
         .await?;
         transaction.commit().await?;
         self.known.forget_names();

@@ -2,10 +2,10 @@
 //! between reports; what remains for a report are its own row, one chunk of frames, and a point a metric.
 
 use super::{
-    Claim, Departure, Environment, GPU_TIME, NewReport, Provenance, Store, StoreError, Subject, System, SystemKind,
-    Timestamp, TrendPoint,
+    Claim, Departure, Environment, NewReport, Provenance, Store, StoreError, Subject, System, SystemKind, Timestamp,
+    TrendPoint,
     columns::{self, Layout},
-    trend, value,
+    model, trend, value,
 };
 use crate::{
     metrics::Value,
@@ -118,11 +118,7 @@ impl Writer<'_> {
             self.push_frames(&mut sql, report_id, &report.frames).await?;
         }
         if report.complete {
-            let values = report.metrics.iter().map(|(metric, found)| {
-                let value = found.summary.mean;
-                (metric.as_str(), value, found.version)
-            });
-            let values = values.chain(report.gpu_time_ms().map(|ms| (GPU_TIME, Value(ms), 0)));
+            let values = model::points(&report.metrics, report.gpu_time_ms());
             let place = Place {
                 series_id,
                 report_id,
@@ -402,7 +398,13 @@ impl Writer<'_> {
         let key = serde_json::to_string(&(
             project_id,
             format!("{:?}", report.subject),
-            (system.kind, &system.name, system.history, &system.parameters),
+            (
+                system.kind,
+                &system.name,
+                system.history,
+                system.skip,
+                &system.parameters,
+            ),
             environment,
         ))?;
         if let Some(&id) = self.memory.series.get(&key) {
@@ -444,12 +446,14 @@ impl Writer<'_> {
     async fn variant(&mut self, system: &System) -> Result<i64, StoreError> {
         let history = system.history.map(value::precision_id);
         let id = sqlx::query_scalar(
-            "INSERT INTO variants (kind, preset, history, parameters, overrides) VALUES (?, ?, ?, ?, ?)
-             ON CONFLICT (kind, preset, ifnull(history, ''), parameters) DO UPDATE SET preset = preset RETURNING id",
+            "INSERT INTO variants (kind, preset, history, skip, parameters, overrides) VALUES (?, ?, ?, ?, ?, ?)
+             ON CONFLICT (kind, preset, ifnull(history, ''), ifnull(skip, ''), parameters)
+             DO UPDATE SET preset = preset RETURNING id",
         )
         .bind(system.kind)
         .bind(&system.name)
         .bind(history)
+        .bind(system.skip.map(|skip| skip.to_string()))
         .bind(system.parameters.to_string())
         .bind(system.overrides.to_string())
         .fetch_one(&mut *self.connection)
@@ -527,11 +531,12 @@ impl Store {
 /// One preset of a job as a report.
 fn of_job(claim: &Claim, report: &Report, index: usize, environment: &Environment) -> Result<NewReport, StoreError> {
     let preset = &report.reports[index];
-    let overrides = claim.spec.run.presets.get(index).map(|spec| &spec.parameters);
+    let run = &claim.spec.run;
+    let overrides = run.presets.get(index).map(|spec| &spec.parameters);
     let version = |metric: &String| report.metric_versions.get(metric).copied().unwrap_or(0);
-    let (kind, history) = match &claim.spec.outputs {
-        None => (SystemKind::Recipe, Some(claim.spec.run.history)),
-        Some(_) => (SystemKind::External, None),
+    let (kind, history, skip) = match &claim.spec.outputs {
+        None => (SystemKind::Recipe, Some(run.history), Some(run.skip)),
+        Some(_) => (SystemKind::External, None, None),
     };
     let sequence_id = claim.sequence_id.ok_or(StoreError::NoSequence(claim.job_id))?;
     Ok(NewReport {
@@ -542,6 +547,7 @@ fn of_job(claim: &Claim, report: &Report, index: usize, environment: &Environmen
             kind,
             name: preset.preset.clone(),
             history,
+            skip,
             parameters: preset.parameters.clone(),
             overrides: serde_json::to_value(overrides)?,
         },

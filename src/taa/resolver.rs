@@ -9,7 +9,7 @@ use super::{
     skip::Skip,
     spatial::Antialiasing,
     temporal::{Builder, Temporal},
-    tiles::{CLASSIFY_PASS, Kept, SETTLE_PASS, Shares},
+    tiles::{CLASSIFY_PASS, Kept, SETTLE_PASS, Shares, Tiles},
 };
 use crate::{
     gpu::{Bound, Gpu, GpuError, Readback, Texture, Timer},
@@ -118,10 +118,7 @@ impl Resolver {
 
     /// Copies back which tiles of the last frame were kept; none where the recipe keeps none.
     pub fn copy_kept(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, readback: &mut Readback) -> Option<Kept> {
-        match &self.passes {
-            Passes::Temporal(temporal) => Some(temporal.tiles()?.copy_back(gpu, encoder, readback)),
-            Passes::Phlm2016(_) | Passes::Checkerboard(_) => None,
-        }
+        Some(self.tiles()?.copy_back(gpu, encoder, readback))
     }
 
     /// The same of how many they are.
@@ -131,8 +128,12 @@ impl Resolver {
         encoder: &mut wgpu::CommandEncoder,
         readback: &mut Readback,
     ) -> Option<Shares> {
+        Some(self.tiles()?.copy_shares(gpu, encoder, readback))
+    }
+
+    fn tiles(&self) -> Option<&Tiles> {
         match &self.passes {
-            Passes::Temporal(temporal) => Some(temporal.tiles()?.copy_shares(gpu, encoder, readback)),
+            Passes::Temporal(temporal) => temporal.tiles(),
             Passes::Phlm2016(_) | Passes::Checkerboard(_) => None,
         }
     }

@@ -3,7 +3,10 @@
 //! What cannot be told is not a failure: a line without an approved result, or whose approved results were made in other
 //! environments, is `unknown` and says so.
 
-use super::{Checks, Rules, change};
+use super::{
+    Checks, Rules,
+    change::{self, ChangePoint},
+};
 use crate::{
     metrics::{Better, Value},
     run::report::FrameReport,
@@ -11,6 +14,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// What became of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -190,6 +194,53 @@ impl Rules {
         }
         found
     }
+
+    /// A check that could not be told for each metric that is asked of a line by its full name and was not measured: whoever stops
+    /// measuring must not pass.
+    pub fn unmeasured(
+        &self,
+        series_id: Option<i64>,
+        sequence: &str,
+        recipe: &str,
+        measured: &BTreeSet<String>,
+    ) -> Vec<Check> {
+        let named = self.rules.iter().map(|rule| rule.metric.as_str());
+        let named: BTreeSet<&str> = named.filter(|metric| !metric.contains(['*', '?'])).collect();
+        let missing = named.into_iter().filter(|metric| !measured.contains(*metric));
+        let check = |metric: &str| {
+            let asked = self.checks(sequence, recipe, metric);
+            let kind = match asked {
+                Checks {
+                    min: None,
+                    max: None,
+                    baseline: None,
+                    change: None,
+                    ..
+                } => return None,
+                Checks {
+                    min: None,
+                    max: None,
+                    baseline: None,
+                    ..
+                } => Kind::Change,
+                Checks {
+                    min: None, max: None, ..
+                } => Kind::Baseline,
+                _ => Kind::Limit,
+            };
+            Some(Check {
+                series_id,
+                sequence: sequence.to_owned(),
+                recipe: recipe.to_owned(),
+                metric: metric.to_owned(),
+                kind,
+                outcome: Outcome::Unknown,
+                detail: "was not measured; measure it, or ask for it where it is".to_owned(),
+                finding: Finding::default(),
+            })
+        };
+        missing.filter_map(check).collect()
+    }
 }
 
 struct Judge<'a> {
@@ -322,7 +373,7 @@ impl Judge<'_> {
         &history[history.len() - n_equal..]
     }
 
-    /// Looks at the newest level that was not approved against the one before it.
+    /// Looks for the oldest change for the worse that was neither approved nor made good since; other changes may have followed.
     fn change(&self, rule: &super::ChangeRule) -> Check {
         let history = self.comparable();
         let history = &history[history.len().saturating_sub(rule.window)..];
@@ -340,15 +391,30 @@ impl Judge<'_> {
         let values: Vec<f64> = history.iter().map(|past| past.value).collect();
         let changes = change::change_points(&values, rule);
         let accepted = self.line.approved.newest_report_id.unwrap_or(0);
-        let Some(last) = changes.last().filter(|last| history[last.index].report_id > accepted) else {
+        let is_new = |point: &&ChangePoint| history[point.index].report_id > accepted;
+        let lasts = |(position, point): &(usize, &ChangePoint)| {
+            let is_worse = |later: &ChangePoint| {
+                let step = later.after - point.before;
+                (step > 0.0) == (better == Better::Lower) && step.abs() >= rule.min_effect.of(point.before)
+            };
+            changes[*position..].iter().all(is_worse)
+        };
+        let oldest = changes
+            .iter()
+            .enumerate()
+            .filter(|(_, point)| is_new(point))
+            .find(lasts);
+        let Some(found) = oldest.map(|(_, point)| point).or_else(|| changes.last().filter(is_new)) else {
             let detail = format!("no new change in {} results", history.len());
             return self.check(Kind::Change, Outcome::Ok, detail, Finding::default());
         };
-        let start = changes.len().checked_sub(2).map_or(0, |before| changes[before].index);
-        let (effect, low, high) = change::effect(&values[start..last.index], &values[last.index..]);
-        let (bad, good) = (&history[last.index], &history[last.index - 1]);
+        let before = changes.iter().rfind(|point| point.index < found.index);
+        let start = before.map_or(0, |point| point.index);
+        let now = changes.last().unwrap_or(found);
+        let (effect, low, high) = change::effect(&values[start..found.index], &values[now.index..]);
+        let (bad, good) = (&history[found.index], &history[found.index - 1]);
         let finding = Finding {
-            limit: Some(Value(last.before)),
+            limit: Some(Value(found.before)),
             effect: Some(Value(effect)),
             effect_low: Some(Value(low)),
             effect_high: Some(Value(high)),
@@ -358,14 +424,13 @@ impl Judge<'_> {
             last_good_commit: good.commit.clone(),
             ..Finding::default()
         };
-        let worse = (effect > 0.0) == (better == Better::Lower);
-        let (outcome, words) = match worse {
-            true => (Outcome::Regression, "worse"),
-            false => (Outcome::Ok, "better"),
+        let (outcome, words) = match oldest {
+            Some(_) => (Outcome::Regression, "worse"),
+            None => (Outcome::Ok, "better"),
         };
         let detail = format!(
             "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {:.4} to {:.4}, p = {:.3}",
-            last.before, last.after, last.p
+            found.before, now.after, found.p
         );
         self.check(Kind::Change, outcome, detail, finding)
     }
@@ -488,6 +553,52 @@ mod tests {
         );
         let short = judge(rules, "gpu_time_ms", &[1.2], &past[..5], &Approved::default()).remove(0);
         assert_eq!(short.outcome, Outcome::Unknown, "{short:?}");
+    }
+
+    #[test]
+    fn a_change_that_was_not_made_good_outlasts_the_next() {
+        let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+        let verdict = |levels: [f64; 3]| {
+            let level = |value: f64| (0..8).map(move |i| value + 0.001 * f64::from(i % 3));
+            let values: Vec<f64> = levels.into_iter().flat_map(level).collect();
+            judge(
+                rules,
+                "gpu_time_ms",
+                &values[23..],
+                &history(&values),
+                &Approved::default(),
+            )
+            .remove(0)
+        };
+        for (levels, first_bad, effect) in [
+            ([1.0, 1.3, 1.15], "c8", 0.15),
+            ([1.0, 1.15, 1.3], "c8", 0.3),
+            ([1.3, 1.0, 1.15], "c16", 0.15),
+        ] {
+            let found = verdict(levels);
+            assert_eq!(found.outcome, Outcome::Regression, "{found:?}");
+            assert_eq!(found.finding.first_bad_commit.as_deref(), Some(first_bad));
+            assert!((found.finding.effect.unwrap().0 - effect).abs() < 0.01, "{found:?}");
+        }
+        for levels in [[1.0, 1.3, 1.0], [1.0, 1.3, 0.9], [1.3, 1.0, 0.8]] {
+            assert_eq!(verdict(levels).outcome, Outcome::Ok, "{levels:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_asked_for_by_name_must_be_measured() {
+        let rules = "[[rule]]\nmetric = 'psnr'\nmin = 40\n[[rule]]\nmetric = 'flip'\nsequence = 'pan'\nbaseline = 0\n\
+                     [[rule]]\nmetric = 'ssim*'\nmin = 0.9";
+        let rules = Rules::parse(rules).unwrap();
+        let missing = |sequence: &str, measured: &[&str]| -> Vec<(String, Kind)> {
+            let measured = measured.iter().map(|&metric| metric.to_owned()).collect();
+            let found = rules.unmeasured(None, sequence, "ema", &measured);
+            assert!(found.iter().all(|check| check.outcome == Outcome::Unknown));
+            found.into_iter().map(|check| (check.metric, check.kind)).collect()
+        };
+        assert_eq!(missing("ship", &["ssim"]), [("psnr".to_owned(), Kind::Limit)]);
+        assert_eq!(missing("pan", &["psnr"]), [("flip".to_owned(), Kind::Baseline)]);
+        assert!(missing("pan", &["psnr", "flip"]).is_empty());
     }
 
     #[test]

@@ -4,12 +4,12 @@ use super::format;
 use crate::{
     metrics::Value,
     store::{Environment, Job, Point, Provenance, Report, Series, Status, Timestamp},
-    taa::Precision,
+    taa::{Precision, Skip},
 };
 use maud::{Markup, html};
 use std::{fmt::Write as _, sync::Arc};
 
-/// A series' recipe in words: preset, what was changed of it, and the history if it is not the usual one.
+/// A series' recipe in words: preset, what was changed of it, and what is not usual of its history and of how it ran.
 pub fn recipe(series: &Series) -> String {
     let mut text = series.preset.clone();
     for (name, value) in &series.overrides {
@@ -17,6 +17,9 @@ pub fn recipe(series: &Series) -> String {
     }
     if series.history == Some(Precision::F32) {
         text.push_str(", f32");
+    }
+    if series.skip == Some(Skip::Exact) {
+        text.push_str(", skipping");
     }
     text
 }

@@ -309,6 +309,25 @@ async fn a_report_is_visible_whole_or_not_at_all() {
 }
 
 #[tokio::test]
+async fn times_with_work_left_out_are_a_line_of_their_own() {
+    let (_folder, store, sequence_id) = store().await;
+    for skip in [Skip::Off, Skip::Exact, Skip::Off] {
+        let mut new = job(sequence_id, &["ema"]);
+        new.spec.run.skip = skip;
+        store.enqueue(&new, T0).await.unwrap();
+        let claim = store.claim(LEASE, T0).await.unwrap().unwrap();
+        let results = report(&["ema"], &[30.0]);
+        store.finish(&claim, &results, &environment(), T0).await.unwrap();
+    }
+    let mut lines = Vec::new();
+    for series in store.series(&SeriesFilter::default()).await.unwrap() {
+        let points = store.points(&series, "psnr", None, 9).await.unwrap();
+        lines.push((series.skip, points.len()));
+    }
+    assert_eq!(lines, [(Some(Skip::Off), 2), (Some(Skip::Exact), 1)]);
+}
+
+#[tokio::test]
 async fn every_number_comes_back_as_it_was() {
     let (_folder, store, sequence_id) = store().await;
     let claim = claimed(&store, sequence_id, &["ema"]).await;
@@ -472,6 +491,12 @@ async fn a_name_means_the_content_last_put_under_it() {
     assert_eq!(store.sequence("ship").await.unwrap().unwrap().hash, "aa");
     assert_eq!(store.sequence("bb").await.unwrap().unwrap().hash, "bb");
     assert!(store.sequence("cc").await.unwrap().is_none());
+    // A second name takes none away.
+    for (hash, name, [ship, also]) in [("aa", "also", ["aa", "aa"]), ("bb", "also", ["aa", "bb"])] {
+        store.put_sequence(&sequence(hash, name), after(3)).await.unwrap();
+        assert_eq!(store.sequence("ship").await.unwrap().unwrap().hash, ship);
+        assert_eq!(store.sequence_ids("also").await.unwrap().unwrap().1, also);
+    }
 }
 
 #[tokio::test]

@@ -25,6 +25,7 @@ pub fn external(branch: &str, commit: &str, psnr: &[f64]) -> NewReport {
             kind: SystemKind::External,
             name: "engine".to_owned(),
             history: None,
+            skip: None,
             parameters: serde_json::json!({}),
             overrides: serde_json::json!({}),
         },

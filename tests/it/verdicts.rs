@@ -84,6 +84,9 @@ fn a_limit_that_breaks_is_one_alert_that_names_commits_and_frames() {
     );
     assert_eq!(client.get("/alerts?since=worse").json()["alerts"], json!([]));
     client
+        .get("/alerts?project=nowhere")
+        .is_problem(422, "unknown_project", Some("project"), "nowhere");
+    client
         .get("/alerts?since=nowhere")
         .is_problem(422, "unknown_commit", Some("since"), "nowhere");
 
@@ -107,13 +110,68 @@ fn a_rule_that_is_removed_takes_its_alerts_along() {
         &json!({"rule": [{"metric": "psnr", "min": 30}, {"metric": "psnr", "max": 10}]}),
     );
     assert_eq!(open_alerts(&client).len(), 1);
-    let none = judged(&client, "d", 20.0, &json!({"rule": [{"metric": "ssim", "min": 0.5}]}));
+    let none = judged(&client, "d", 20.0, &json!({"rule": [{"metric": "ssim*", "min": 0.5}]}));
     assert_eq!(
         (&none["outcome"], &none["checks"]),
         (&json!("unknown"), &json!([])),
         "nothing was checked"
     );
     assert_eq!(client.get("/alerts/1").json()["closed_why"], "its rule was removed");
+    let unmeasured = judged(
+        &client,
+        "e",
+        20.0,
+        &json!({"rule": [{"metric": "psnr", "min": 10}, {"metric": "ssim", "min": 0.5}]}),
+    );
+    assert_eq!(unmeasured["outcome"], "unknown");
+    assert_eq!(
+        unmeasured["checks"][1]["detail"].as_str().unwrap().split(';').next(),
+        Some("was not measured")
+    );
+}
+
+#[test]
+fn an_older_result_leaves_alerts_alone() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let rules = json!({"rule": [{"metric": "psnr", "min": 30}]});
+    judged(&client, "good", 31.0, &rules);
+    judged(&client, "bad", 29.0, &rules);
+    let judge =
+        |report: i64| client.posted("/verdicts", &json!({"reports": [report], "rules": rules}))["outcome"].clone();
+    assert_eq!(judge(1), "ok");
+    assert_eq!(open_alerts(&client).len(), 1);
+    judged(&client, "fixed", 31.0, &rules);
+    assert_eq!(judge(2), "regression");
+    assert_eq!(open_alerts(&client).len(), 0);
+}
+
+#[test]
+fn a_gpu_time_may_be_posted_as_a_value() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let rules = json!({"rule": [{"metric": "gpu_time_ms", "max": 5}]});
+    for (measured, value, outcome) in [
+        (json!({"values": {"gpu_time_ms": 4}}), 4.0, "ok"),
+        (
+            json!({"frames": [{"index": 0, "metrics": {"gpu_time_ms": 6}}]}),
+            6.0,
+            "regression",
+        ),
+    ] {
+        let mut report = json!({"sequence": "ship", "system": "engine", "branch": "main", "rules": rules});
+        report
+            .as_object_mut()
+            .unwrap()
+            .extend(measured.as_object().unwrap().clone());
+        let check = client.posted("/reports", &report)["judgement"]["checks"][0].clone();
+        assert_eq!(
+            (&check["outcome"], &check["finding"]["value"]),
+            (&json!(outcome), &json!(value))
+        );
+    }
+    let line = client.get("/series?metric=gpu_time_ms").json()["series"][0].clone();
+    assert_eq!(line["points"].as_array().unwrap().len(), 2);
 }
 
 #[test]

@@ -122,5 +122,7 @@ impl Repeats<'_> {
             }
             checks.extend(found);
         }
+        let measured = self.values().into_keys().collect();
+        checks.extend(rules.unmeasured(None, sequence, recipe, &measured));
     }
 }
