@@ -100,13 +100,10 @@ impl Sequence {
     /// An image of another system's output, linear RGB. A float file is linear already; the codes of an integer file are
     /// decoded as the reference's are, or as sRGB where the sequence does not say how.
     pub fn load_output(&self, index: usize, path: &Path) -> Result<Image<Rgb>, SequenceError> {
-        let failed = |problem| SequenceError::Image {
-            frame: index,
-            section: Section::Reference,
-            problem,
-        };
+        let failed = |problem| SequenceError::Output { frame: index, problem };
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
         let file = self.reader.read_rgb(path).map_err(|error| failed(error.into()))?;
-        self.check_size(Section::Reference, "the output", file.image.extent())
+        self.check_size(Section::Reference, &name, file.image.extent())
             .map_err(failed)?;
         if !matches!(file.sample, SampleType::U8 | SampleType::U16) {
             return Ok(file.image);

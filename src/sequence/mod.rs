@@ -72,6 +72,14 @@ pub enum SequenceError {
         /// What is wrong with it.
         problem: ImageProblem,
     },
+    /// An image that another system made of a frame is at fault.
+    #[error("frame {frame}, output: {problem}")]
+    Output {
+        /// Position in the sequence, from 0.
+        frame: usize,
+        /// What is wrong with it.
+        problem: ImageProblem,
+    },
     /// The machine's fault.
     #[error("{}: {error}", path.display())]
     Io {

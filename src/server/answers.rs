@@ -6,6 +6,7 @@ use crate::store::State;
 use axum::{
     Extension,
     body::{Body, Bytes},
+    extract,
     http::{HeaderMap, HeaderValue, Request, header},
     middleware::Next,
     response::{IntoResponse as _, Response},
@@ -15,6 +16,7 @@ use std::{
     panic::resume_unwind,
     sync::{Mutex, PoisonError},
 };
+use tokio_util::task::TaskTracker;
 use tracing::Instrument as _;
 
 /// Marks an answer that may be kept: nothing but the store, the address and the header `accept` decides what it says.
@@ -121,13 +123,17 @@ fn at<T>(kept: &Mutex<Kept>, state: Option<u64>, work: impl FnOnce(&mut HashMap<
     (kept.state == state).then(|| work(&mut kept.answers))
 }
 
-/// Lets a request that may write end even if its client leaves. Otherwise SQLite would still make a commit that nobody waits for
-/// any more, after the state had its number.
-pub async fn finish(request: Request<Body>, next: Next) -> Response {
+/// Lets a request that may write end even if its client leaves, and the service not stop before that. Otherwise SQLite would still
+/// make a commit that nobody waits for any more, after the state had its number.
+pub async fn finish(
+    extract::State(writes): extract::State<TaskTracker>,
+    request: Request<Body>,
+    next: Next,
+) -> Response {
     if request.method().is_safe() {
         return next.run(request).await;
     }
-    match tokio::spawn(next.run(request).in_current_span()).await {
+    match writes.spawn(next.run(request).in_current_span()).await {
         Ok(response) => response,
         Err(error) => match error.try_into_panic() {
             Ok(panic) => resume_unwind(panic),
@@ -220,6 +226,7 @@ mod tests {
     /// Whether the handler of a request ends whose client left before it could.
     async fn ends_without_its_client(method: Method) -> bool {
         let (go, ended) = (Arc::new(Notify::new()), Arc::new(AtomicBool::new(false)));
+        let writes = TaskTracker::new();
         let handler = {
             let (go, ended) = (Arc::clone(&go), Arc::clone(&ended));
             async move || {
@@ -229,18 +236,22 @@ mod tests {
         };
         let router = Router::new()
             .route("/", get(handler.clone()).post(handler))
-            .layer(middleware::from_fn(finish));
-        let request = Request::builder().method(method).body(Body::empty()).unwrap();
+            .layer(middleware::from_fn_with_state(writes.clone(), finish));
+        let request = Request::builder().method(&method).body(Body::empty()).unwrap();
         let client = tokio::spawn(router.oneshot(request));
         for _ in 0..10 {
             yield_now().await;
         }
         client.abort();
         assert!(client.await.unwrap_err().is_cancelled());
-        go.notify_one();
+        writes.close();
+        let stopped = tokio::spawn(async move { writes.wait().await });
         for _ in 0..10 {
             yield_now().await;
         }
+        assert_eq!(stopped.is_finished(), method.is_safe(), "whether the service stops");
+        go.notify_one();
+        stopped.await.unwrap();
         ended.load(Relaxed)
     }
 

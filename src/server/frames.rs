@@ -18,7 +18,11 @@ use crate::{
     store::Report,
     taa::TILE,
 };
-use axum::{extract::State, http::StatusCode, response::Response};
+use axum::{
+    extract::State,
+    http::{HeaderValue, StatusCode, header},
+    response::Response,
+};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::{fs, path::PathBuf, sync::Arc};
@@ -104,7 +108,8 @@ pub async fn of_sequence(
         ));
     }
     let hash = super::sequences::find(&service, &name).await?.hash;
-    blocking(move || {
+    let is_for_ever = name == hash;
+    let mut response = blocking(move || {
         let source = Source::open(&service, &hash)?;
         let encoder = Encoder {
             service: &service,
@@ -117,7 +122,12 @@ pub async fn of_sequence(
         };
         encoder.rgb(&image, source.display())
     })
-    .await
+    .await?;
+    if !is_for_ever {
+        let ask_again = HeaderValue::from_static("private, no-cache");
+        response.headers_mut().insert(header::CACHE_CONTROL, ask_again);
+    }
+    Ok(response)
 }
 
 /// `GET /reports/{report}/frames/{frame}/{input|output|reference|error|history|skipped|METRIC}.{png|exr|f16}`

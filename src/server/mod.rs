@@ -71,14 +71,16 @@ use std::{
         atomic::{AtomicBool, Ordering::Relaxed},
     },
     thread::JoinHandle,
+    time::Duration,
 };
 use tokio::{
     net::TcpListener,
     runtime::Handle,
     signal::unix::{SignalKind, signal},
     sync::{Notify, broadcast},
+    time::sleep,
 };
-use tokio_util::sync::CancellationToken;
+use tokio_util::{sync::CancellationToken, task::TaskTracker};
 use tower_http::{
     compression::{
         CompressionLayer,
@@ -132,6 +134,8 @@ pub struct Service {
     pub wake_checker: Arc<Notify>,
     /// Tells everyone that the service is ending.
     pub shutdown: CancellationToken,
+    /// Requests that may write, whose clients may have left.
+    writes: TaskTracker,
     /// Tells the postman of new deliveries.
     pub deliver: Notify,
     /// Whether the worker's thread is there.
@@ -153,6 +157,9 @@ pub fn document() -> &'static Value {
     static DOCUMENT: LazyLock<Value> = LazyLock::new(|| api().2);
     &DOCUMENT
 }
+
+/// How long open requests may take to end once the service stops: a client that sends nothing more would keep it for ever.
+const GRACE: Duration = Duration::from_secs(8);
 
 /// How handlers take [`Service`].
 pub type Shared = axum::extract::State<Arc<Service>>;
@@ -229,6 +236,7 @@ impl Running {
             wake: Arc::new(Notify::new()),
             wake_checker: Arc::new(Notify::new()),
             shutdown: CancellationToken::new(),
+            writes: TaskTracker::new(),
             deliver: Notify::new(),
             worker_runs: AtomicBool::new(true),
             access: Access::new(api().1),
@@ -269,15 +277,31 @@ impl Running {
         self.service.shutdown.clone()
     }
 
-    /// Answers requests until stopped; then lets open requests and the current frame end.
+    /// Answers requests until stopped; then lets open requests end, for a while, and the current frame.
     pub async fn run(self) -> Result<(), ServeError> {
-        let stopped = self.service.shutdown.clone().cancelled_owned();
+        let shutdown = self.service.shutdown.clone();
+        let late = async {
+            shutdown.cancelled().await;
+            sleep(GRACE).await;
+        };
         let postman = tokio::spawn(webhooks::deliver(Arc::clone(&self.service)));
         let tidying = tokio::spawn(tidying::tidy(Arc::clone(&self.service)));
-        let served = axum::serve(self.listener, router(Arc::clone(&self.service)))
-            .with_graceful_shutdown(stopped)
-            .await;
-        self.service.shutdown.cancel();
+        let serving = async {
+            let served = axum::serve(self.listener, router(Arc::clone(&self.service)))
+                .with_graceful_shutdown(shutdown.clone().cancelled_owned())
+                .await;
+            self.service.writes.close();
+            self.service.writes.wait().await;
+            served
+        };
+        let served = tokio::select! {
+            served = serving => served,
+            () = late => {
+                tracing::warn!("requests are cut off that were still open {GRACE:?} after the stop");
+                Ok(())
+            }
+        };
+        shutdown.cancel();
         for task in [postman, tidying] {
             let _ = task.await;
         }
@@ -309,7 +333,7 @@ pub fn router(service: Arc<Service>) -> Router {
     let api = api
         .fallback(unknown_path)
         .layer(middleware::from_fn_with_state(with(), idempotency::once))
-        .layer(middleware::from_fn(answers::finish))
+        .layer(middleware::from_fn_with_state(service.writes.clone(), answers::finish))
         .layer(middleware::from_fn_with_state(with(), conditional::tag));
     Router::new()
         .nest(BASE, api)

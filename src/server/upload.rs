@@ -46,14 +46,16 @@ pub async fn put(
     Ok((status, location, Json(stored)))
 }
 
-/// Names appear in addresses and tables, and must not be taken for hashes.
+/// Names appear in addresses and tables, and must not be taken for hashes or for folders above.
 pub fn check_name(name: &str) -> Result<(), ApiError> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     let like_a_hash = name.len() == 64 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
-    if (1..=100).contains(&name.len()) && name.chars().all(plain) && !like_a_hash {
+    let only_dots = name.bytes().all(|byte| byte == b'.');
+    if (1..=100).contains(&name.len()) && name.chars().all(plain) && !like_a_hash && !only_dots {
         return Ok(());
     }
-    let detail = "a sequence's name has 1 to 100 letters, digits, `-`, `_` or `.`, and is not a content hash";
+    let detail =
+        "a sequence's name has 1 to 100 letters, digits, `-`, `_` or `.`, and is neither a content hash nor only dots";
     Err(ApiError::invalid("invalid_name", detail).field("name"))
 }
 

@@ -37,11 +37,18 @@ fn answers_are_given_again_until_something_is_written() {
     };
     let first = asked();
     assert_eq!(first.0, "c1");
-    behind(service.data.path(), async |store| {
-        store.ingest().report(external("main", "c2", &[1.0])).await.unwrap();
-    });
-    assert_eq!(asked(), first);
-    assert_eq!(client.get("/reports?limit=2").json()["reports"][0]["commit"], "c2");
+    let is_given_again = |commit: &str| {
+        let before = asked();
+        behind(service.data.path(), async |store| {
+            store.ingest().report(external("main", commit, &[1.0])).await.unwrap();
+        });
+        asked() == before
+    };
+    // The worker, which looks for jobs now and then, may write in between.
+    let behind_its_back = ["b1", "b2", "b3", "b4", "b5"];
+    let newest = behind_its_back.into_iter().find(|commit| is_given_again(commit));
+    let other = client.get("/reports?limit=2").json();
+    assert_eq!(other["reports"][0]["commit"], newest.expect("nothing is given again"));
     client.posted("/reports", &report(json!({"commit": "c3"})));
     let last = asked();
     assert_eq!(last.0, "c3");

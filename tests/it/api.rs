@@ -241,6 +241,13 @@ fn equal_content_is_one_sequence_whatever_its_container() {
     let hash = first.json()["hash"].as_str().unwrap().to_owned();
     assert_eq!(client.get(&format!("/sequences/{hash}")).json()["name"], "also-pan");
     assert_eq!(client.get("/sequences/also-pan").json()["hash"], hash);
+    // Another content may get the name.
+    let kept = |name: &str| {
+        let image = client.get(&format!("/sequences/{name}/frames/0/input.png"));
+        image.header("cache-control").to_owned()
+    };
+    assert!(kept(&hash).contains("immutable"));
+    assert_eq!(kept("also-pan"), "private, no-cache");
     assert_eq!(std::fs::read_dir(service.data.path().join("spool")).unwrap().count(), 0);
 }
 
@@ -254,6 +261,9 @@ fn what_is_no_sequence_leaves_nothing_behind() {
     client
         .put("no%20spaces", b"")
         .is_problem(422, "invalid_name", Some("name"), "letters");
+    client
+        .put("%2e%2e", b"")
+        .is_problem(422, "invalid_name", Some("name"), "only dots");
     let large = vec![0; 2 << 20];
     client
         .put("a", &large)

@@ -1,10 +1,11 @@
 //! The program itself, serving.
 
-use crate::support::service::{Client, packed};
+use crate::support::service::{Client, Idle, TestService, packed};
 use serde_json::json;
 use std::{
     fs,
-    net::TcpListener,
+    io::Write as _,
+    net::{TcpListener, TcpStream},
     path::Path,
     process::{Child, Command, Stdio},
     thread,
@@ -82,4 +83,20 @@ fn the_service_gives_lavapipe_four_threads_a_core() {
         .find_map(|it| it.strip_prefix("LP_NUM_THREADS="));
     let n_cores = thread::available_parallelism().unwrap().get();
     assert_eq!(n_threads, Some((4 * n_cores).to_string().as_str()));
+}
+
+#[test]
+fn a_client_that_sends_nothing_more_does_not_keep_a_service_from_stopping() {
+    let mut service = TestService::start(Idle, &[]);
+    let mut silent = TcpStream::connect(service.address).unwrap();
+    silent.write_all(b"GET /api/v1/rep").unwrap();
+    let mut upload = TcpStream::connect(service.address).unwrap();
+    upload
+        .write_all(b"PUT /api/v1/sequences/a HTTP/1.1\r\nhost: localhost\r\ncontent-length: 9\r\n\r\nhalf")
+        .unwrap();
+    // Both are read before the stop.
+    service.client().get("/reports");
+    let stop = Instant::now();
+    service.end();
+    assert!(stop.elapsed() < Duration::from_secs(20), "{:?}", stop.elapsed());
 }
