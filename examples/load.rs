@@ -383,7 +383,7 @@ fn job(address: SocketAddr, sequence: &str, presets: &[&str], images: &str, skip
     )?;
     let path = format!("/jobs/{}", job["id"]);
     while start.elapsed() < MAX_JOB {
-        thread::sleep(Duration::from_millis(20));
+        thread::sleep(Duration::from_millis(5));
         let job = client.json("GET", &path, &Value::Null)?;
         match job["status"].as_str() {
             Some("queued" | "running") => {}

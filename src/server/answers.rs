@@ -123,8 +123,8 @@ fn at<T>(kept: &Mutex<Kept>, state: Option<u64>, work: impl FnOnce(&mut HashMap<
     (kept.state == state).then(|| work(&mut kept.answers))
 }
 
-/// Lets a request that may write end even if its client leaves, and the service not stop before that. Otherwise SQLite would still
-/// make a commit that nobody waits for any more, after the state had its number.
+/// Lets a request that may write end even if its client leaves, which a stopping service waits for as for all requests. Otherwise
+/// SQLite would still make a commit that nobody waits for any more, after the state had its number.
 pub async fn finish(
     extract::State(writes): extract::State<TaskTracker>,
     request: Request<Body>,

@@ -5,7 +5,7 @@ use super::{ApiError, Service, Shared, extract::ApiJson};
 use crate::{
     metrics::Value,
     statistics::median,
-    store::{GPU_TIME, Report, Timestamp, TrendFilter},
+    store::{GPU_TIME, Report, ReportFilter, Timestamp, TrendFilter},
     verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, overall, worst_frames},
 };
 use axum::{Json, extract::State};
@@ -89,7 +89,12 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
     for reports in by_series.values() {
         gather(service, reports, &branch, &rules, &mut gathered).await?;
     }
-    let superseded: BTreeSet<i64> = gathered.iter().filter_map(Gathered::superseded).collect();
+    let on_branch = !branch.is_empty();
+    let superseded: BTreeSet<_> = gathered
+        .iter()
+        .filter(|one| on_branch && one.is_superseded())
+        .map(Gathered::key)
+        .collect();
     let judged = rules.clone();
     let mut checks =
         tokio::task::spawn_blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>())
@@ -102,10 +107,15 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
     }
     add_worst_frames(service, &reports, &mut checks).await?;
     let now = Timestamp::now();
-    service.store.put_rules(&project, &branch, &rules, now).await?;
-    // What was before says nothing of how a line stands now.
-    let is_current = |check: &&Check| check.series_id.is_none_or(|id| !superseded.contains(&id));
-    let current: Vec<Check> = checks.iter().filter(is_current).cloned().collect();
+    // What was before says nothing of how a branch stands now.
+    if is_current(service, &by_series, &branch).await? {
+        service.store.put_rules(&project, &branch, &rules, now).await?;
+    }
+    let stands = |check: &&Check| {
+        let key = check.series_id.map(|id| (id, check.metric.clone()));
+        key.is_none_or(|key| !superseded.contains(&key))
+    };
+    let current: Vec<Check> = checks.iter().filter(stands).cloned().collect();
     let alerts = service.store.note_checks(&project, &branch, &current, now).await?;
     let judgement = Judgement {
         outcome: overall(&checks),
@@ -155,6 +165,39 @@ fn measured(reports: &[&Arc<Report>]) -> BTreeSet<String> {
     metrics.chain(times.map(|_| GPU_TIME.to_owned())).collect()
 }
 
+/// Whether a report was posted after this one, and not of the same commit, as repeats are.
+fn is_later(id: i64, commit: Option<&String>, report: &Report) -> bool {
+    id > report.id && (commit.is_none() || commit != report.provenance.commit.as_ref())
+}
+
+/// Whether any of the reports is of its line's newest commit on the branch, or of no branch.
+async fn is_current(
+    service: &Service,
+    by_series: &BTreeMap<i64, Vec<&Arc<Report>>>,
+    branch: &str,
+) -> Result<bool, ApiError> {
+    if branch.is_empty() {
+        return Ok(true);
+    }
+    for (series_id, reports) in by_series {
+        let newest = ReportFilter {
+            series_id: Some(*series_id),
+            branch: Some(branch.to_owned()),
+            limit: 1,
+            ..ReportFilter::default()
+        };
+        let found = service.store.reports(&newest).await?;
+        let judged = reports[reports.len() - 1];
+        if !found
+            .iter()
+            .any(|newest| is_later(newest.id, newest.provenance.commit.as_ref(), judged))
+        {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
 async fn gather(
     service: &Service,
     reports: &[&Arc<Report>],
@@ -174,10 +217,13 @@ async fn gather(
             continue;
         }
         let value = |report: &&Arc<Report>| match metric == GPU_TIME {
-            true => report.gpu_time_ms,
+            true => report.gpu_time_ms.or_else(|| Some(report.values.get(GPU_TIME)?.0)),
             false => report.values.get(&metric).map(|value| value.0),
         };
-        let version = newest.metric_versions.get(&metric).copied().unwrap_or(0);
+        let version = match metric == GPU_TIME {
+            true => 0,
+            false => newest.metric_versions.get(&metric).copied().unwrap_or(0),
+        };
         let filter = TrendFilter {
             path: path.clone(),
             ..TrendFilter::newest(HISTORY)
@@ -214,10 +260,13 @@ pub(super) fn past(points: Vec<crate::store::Point>) -> Vec<Past> {
 }
 
 impl Gathered {
-    /// The line, where it has newer results than those that are judged.
-    fn superseded(&self) -> Option<i64> {
-        let newest = self.history.last()?;
-        (newest.report_id > self.report.id).then_some(self.report.series.id)
+    fn key(&self) -> (i64, String) {
+        (self.report.series.id, self.metric.clone())
+    }
+
+    fn is_superseded(&self) -> bool {
+        let newest = self.history.last();
+        newest.is_some_and(|newest| is_later(newest.report_id, newest.commit.as_ref(), &self.report))
     }
 
     fn judge(&self, rules: &Rules) -> Vec<Check> {

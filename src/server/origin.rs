@@ -156,11 +156,12 @@ pub fn invalid(field: &str, detail: String) -> ApiError {
 /// Names appear in addresses and tables.
 pub fn check_name(field: &str, name: &str) -> Result<(), ApiError> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    match (1..=100).contains(&name.len()) && name.chars().all(plain) {
+    let only_dots = name.bytes().all(|byte| byte == b'.');
+    match (1..=100).contains(&name.len()) && name.chars().all(plain) && !only_dots {
         true => Ok(()),
         false => Err(invalid(
             field,
-            format!("`{field}` must be 1 to 100 letters, digits, `-`, `_` or `.`"),
+            format!("`{field}` must be 1 to 100 letters, digits, `-`, `_` or `.`, and not only dots"),
         )),
     }
 }

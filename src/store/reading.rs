@@ -34,7 +34,7 @@ pub struct Report {
     pub notes: Vec<String>,
     /// Wall time of each stage of the whole job, milliseconds.
     pub stages_ms: BTreeMap<String, f64>,
-    /// GPU time of one frame, milliseconds: the sum of its passes' medians.
+    /// GPU time of one frame, milliseconds: the sum of its passes' medians, or as it was posted.
     pub gpu_time_ms: Option<f64>,
     /// When it was stored.
     pub created_at: Timestamp,

@@ -280,7 +280,16 @@ impl Store {
             false => false,
             true => self.is_approved_elsewhere(series_id).await?,
         };
+        let dismissed = sqlx::query_scalar(
+            "SELECT report_id FROM alerts
+             WHERE status = 'dismissed' AND series_id = ? AND metric = ? AND kind = 'change' AND report_id IS NOT NULL",
+        )
+        .bind(series_id)
+        .bind(metric)
+        .fetch_all(&self.readers)
+        .await?;
         Ok(Approved {
+            dismissed,
             newest_report_id: rows.iter().map(|(report_id, ..)| *report_id).max(),
             values: rows
                 .iter()

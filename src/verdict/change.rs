@@ -59,7 +59,7 @@ pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
 }
 
 /// The values with infinities pulled in; NaN takes the place of the value before.
-fn finite(values: &[f64]) -> Vec<f64> {
+pub(super) fn finite(values: &[f64]) -> Vec<f64> {
     let known = || values.iter().copied().filter(|value| value.is_finite());
     let (low, high) = (
         known().fold(f64::INFINITY, f64::min),
@@ -173,10 +173,9 @@ impl DistanceSums {
     }
 }
 
-/// The step between two levels, `after` − `before` by medians, with its 95 % interval by resampling.
+/// The step between two levels of finite values, `after` − `before` by medians, with its 95 % interval by resampling.
 pub fn effect(before: &[f64], after: &[f64]) -> (f64, f64, f64) {
-    let (before, after) = (finite(before), finite(after));
-    let step = median(&after) - median(&before);
+    let step = median(after) - median(before);
     if before.is_empty() || after.is_empty() {
         return (step, step, step);
     }
@@ -185,7 +184,7 @@ pub fn effect(before: &[f64], after: &[f64]) -> (f64, f64, f64) {
         let drawn: Vec<f64> = values.iter().map(|_| values[random.below(values.len())]).collect();
         median(&drawn)
     };
-    let mut steps: Vec<f64> = (0..N_RESAMPLES).map(|_| resample(&after) - resample(&before)).collect();
+    let mut steps: Vec<f64> = (0..N_RESAMPLES).map(|_| resample(after) - resample(before)).collect();
     steps.sort_by(f64::total_cmp);
     (step, steps[N_RESAMPLES / 40], steps[N_RESAMPLES - 1 - N_RESAMPLES / 40])
 }

@@ -74,6 +74,8 @@ pub struct Approved {
     pub values: Vec<f64>,
     /// The newest approved report; changes up to it are accepted.
     pub newest_report_id: Option<i64>,
+    /// Where changes began whose alerts were dismissed: others go first.
+    pub dismissed: Vec<i64>,
     /// There are approved results of the same system and sequence, but of other environments only.
     pub elsewhere: bool,
 }
@@ -373,7 +375,7 @@ impl Judge<'_> {
         &history[history.len() - n_equal..]
     }
 
-    /// Looks for the oldest change for the worse that was neither approved nor made good since; other changes may have followed.
+    /// Looks for the oldest change for the worse that was neither approved, dismissed nor made good since; others may have followed.
     fn change(&self, rule: &super::ChangeRule) -> Check {
         let history = self.comparable();
         let history = &history[history.len().saturating_sub(rule.window)..];
@@ -388,23 +390,33 @@ impl Judge<'_> {
         let Some(better) = self.better else {
             return unknown("which way the metric improves is not known; say `better` in its rule".to_owned());
         };
-        let values: Vec<f64> = history.iter().map(|past| past.value).collect();
+        let values = change::finite(&history.iter().map(|past| past.value).collect::<Vec<_>>());
         let changes = change::change_points(&values, rule);
         let accepted = self.line.approved.newest_report_id.unwrap_or(0);
         let is_new = |point: &&ChangePoint| history[point.index].report_id > accepted;
         let lasts = |(position, point): &(usize, &ChangePoint)| {
             let is_worse = |later: &ChangePoint| {
-                let step = later.after - point.before;
-                (step > 0.0) == (better == Better::Lower) && step.abs() >= rule.min_effect.of(point.before)
+                let loss = match better {
+                    Better::Lower => later.after - point.before,
+                    Better::Higher => point.before - later.after,
+                };
+                loss > 0.0 && loss >= rule.min_effect.of(point.before)
             };
             changes[*position..].iter().all(is_worse)
         };
-        let oldest = changes
+        let lasting = changes
             .iter()
             .enumerate()
             .filter(|(_, point)| is_new(point))
-            .find(lasts);
-        let Some(found) = oldest.map(|(_, point)| point).or_else(|| changes.last().filter(is_new)) else {
+            .filter(lasts);
+        let lasting: Vec<&ChangePoint> = lasting.map(|(_, point)| point).collect();
+        let is_dismissed = |point: &ChangePoint| self.line.approved.dismissed.contains(&history[point.index].report_id);
+        let oldest = lasting
+            .iter()
+            .find(|point| !is_dismissed(point))
+            .or(lasting.first())
+            .copied();
+        let Some(found) = oldest.or_else(|| changes.last().filter(is_new)) else {
             let detail = format!("no new change in {} results", history.len());
             return self.check(Kind::Change, Outcome::Ok, detail, Finding::default());
         };
@@ -583,6 +595,62 @@ mod tests {
         for levels in [[1.0, 1.3, 1.0], [1.0, 1.3, 0.9], [1.3, 1.0, 0.8]] {
             assert_eq!(verdict(levels).outcome, Outcome::Ok, "{levels:?}");
         }
+    }
+
+    #[test]
+    fn what_came_back_exactly_is_good_again() {
+        for (metric, step) in [("psnr", -1.0), ("gpu_time_ms", 1.0)] {
+            let rules = format!("[[rule]]\nmetric = '{metric}'\nchange = {{ min_segment = 4, min_effect = 0 }}");
+            let levels = |last: f64| {
+                [30.0, 30.0 + step, last]
+                    .into_iter()
+                    .flat_map(|level| [level; 8])
+                    .collect::<Vec<_>>()
+            };
+            let outcome = |last: f64| {
+                let past = history(&levels(last));
+                judge(&rules, metric, &[last], &past, &Approved::default())[0].outcome
+            };
+            assert_eq!(outcome(30.0), Outcome::Ok, "{metric}");
+            assert_eq!(outcome(30.0 + 0.5 * step), Outcome::Regression, "{metric}");
+        }
+    }
+
+    #[test]
+    fn a_dismissed_change_hides_no_other() {
+        let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+        let values: Vec<f64> = [1.0, 1.3, 2.0].into_iter().flat_map(|level| [level; 8]).collect();
+        let first_bad = |n: usize, dismissed: &[i64]| {
+            let approved = Approved {
+                dismissed: dismissed.to_vec(),
+                ..Approved::default()
+            };
+            let found = judge(
+                rules,
+                "gpu_time_ms",
+                &values[n - 1..n],
+                &history(&values[..n]),
+                &approved,
+            )
+            .remove(0);
+            assert_eq!(found.outcome, Outcome::Regression);
+            found.finding.first_bad_report.unwrap()
+        };
+        let first = first_bad(16, &[]);
+        assert_eq!((first_bad(24, &[]), first_bad(16, &[first])), (first, first));
+        assert_eq!(first_bad(24, &[first]), first + 8);
+    }
+
+    #[test]
+    fn a_fall_from_infinity_is_measured_within_the_window() {
+        let rules = "[[rule]]\nmetric = 'psnr'\nchange = { min_segment = 4 }";
+        let values: Vec<f64> = [f64::INFINITY, 31.0, 29.0]
+            .into_iter()
+            .flat_map(|level| [level; 8])
+            .collect();
+        let found = judge(rules, "psnr", &[29.0], &history(&values), &Approved::default()).remove(0);
+        assert_eq!(found.outcome, Outcome::Regression);
+        assert_eq!(found.finding.effect, Some(Value(-2.0)), "{}", found.detail);
     }
 
     #[test]

@@ -221,7 +221,7 @@ impl View<'_> {
                     @if self.other.is_some() { th.number { "Beside it" } th.number { "Difference" } }
                     th.number { "Least" } th.number { "5 %" } th { "Look" } } }
                 tbody {
-                    @for (metric, summary) in &report.summary {
+                    @for (metric, summary) in report.summary.iter().filter(|(metric, _)| *metric != GPU_TIME) {
                         tr {
                             td { (format::title(metric)) }
                             td.number { (format::value(metric, Some(summary.mean))) }

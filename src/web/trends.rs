@@ -99,7 +99,9 @@ fn meaning(metric: &str) -> String {
     };
     match format::metric_info(metric) {
         Some(info) => format!("{}; {direction}.", info.description.trim_end_matches('.')),
-        None if metric == GPU_TIME => format!("GPU time of one frame: the sum of its passes' medians; {direction}."),
+        None if metric == GPU_TIME => {
+            format!("GPU time of one frame: the sum of its passes' medians, or as it was posted; {direction}.")
+        }
         None => format!("Measured elsewhere; {direction}."),
     }
 }

@@ -140,6 +140,14 @@ fn an_older_result_leaves_alerts_alone() {
     let judge =
         |report: i64| client.posted("/verdicts", &json!({"reports": [report], "rules": rules}))["outcome"].clone();
     assert_eq!(judge(1), "ok");
+    let others = json!({"rule": [{"metric": "psnr", "max": 50}]});
+    client.posted("/verdicts", &json!({"reports": [1], "rules": others}));
+    assert_eq!(open_alerts(&client).len(), 1);
+    // Of several results of a commit, each may be judged.
+    judged(&client, "bad", 31.0, &rules);
+    judge(3);
+    assert_eq!(open_alerts(&client).len(), 0);
+    judge(2);
     assert_eq!(open_alerts(&client).len(), 1);
     judged(&client, "fixed", 31.0, &rules);
     assert_eq!(judge(2), "regression");

@@ -102,6 +102,7 @@ impl Repeats<'_> {
                     .filter_map(|one| Some(one.values.get(&metric)?.0))
                     .collect(),
                 newest_report_id: None,
+                dismissed: Vec::new(),
                 elsewhere: baseline
                     .iter()
                     .filter(earlier)
