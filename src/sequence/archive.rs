@@ -1,7 +1,7 @@
 //! A tar, tar.gz or zip into a folder. Archives come from strangers: nothing may be written outside the folder, and
 //! none may fill the disk, whatever its headers claim.
 
-use flate2::read::GzDecoder;
+use flate2::read::MultiGzDecoder;
 use std::{
     cell::Cell,
     fs::{self, File},
@@ -124,7 +124,7 @@ pub fn extract(archive: &Path, into: &Path, limits: Limits) -> Result<(), Archiv
     };
     match format.ok_or_else(|| ArchiveError::Format(archive.to_owned()))? {
         Format::Tar => unpacker.tar(file),
-        Format::TarGz => unpacker.tar_gz(GzDecoder::new(file)),
+        Format::TarGz => unpacker.tar_gz(MultiGzDecoder::new(file)),
         Format::Zip => unpacker.zip(file),
     }?;
     let sequence = find_manifest(staging.path()).ok_or_else(|| ArchiveError::NoManifest(archive.to_owned()))?;
