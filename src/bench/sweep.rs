@@ -88,6 +88,12 @@ pub fn settings(spec: &BenchSpec, sequence: &Sequence) -> Result<(Vec<Setting>, 
     if spec.presets.is_empty() {
         return Err(BenchError::input("presets", "name at least one".to_owned()));
     }
+    if let Some((knob, _)) = spec.knobs.iter().find(|(_, values)| values.is_empty()) {
+        return Err(BenchError::input(
+            "knobs",
+            format!("`{knob}` has no values; give at least one"),
+        ));
+    }
     let (mut settings, mut left_out) = (Vec::new(), Vec::new());
     let n_settings = spec.knobs.values().map(Vec::len).product::<usize>() * spec.presets.len();
     if n_settings > MAX_SETTINGS {

@@ -75,6 +75,12 @@ impl ApiError {
         self
     }
 
+    /// Says in which object of the body the field is.
+    pub fn within(mut self, object: &str) -> Self {
+        self.field = self.field.map(|field| format!("{object}.{field}"));
+        self
+    }
+
     /// Names what must be put first.
     pub fn missing(mut self, missing: Vec<String>) -> Self {
         self.missing = missing;
@@ -153,7 +159,7 @@ impl From<BenchError> for ApiError {
             BenchError::Input { field, message } => {
                 Self::invalid("invalid_bench", message).field(format!("bench.{field}"))
             }
-            BenchError::Run(error) => error.into(),
+            BenchError::Run(error) => Self::from(error).within("bench"),
         }
     }
 }
@@ -161,8 +167,51 @@ impl From<BenchError> for ApiError {
 impl From<RunError> for ApiError {
     fn from(error: RunError) -> Self {
         match error {
-            RunError::Input(detail) => Self::invalid("invalid_job", detail),
+            RunError::Input(detail) => {
+                let field = named_field(&detail).map(str::to_owned);
+                let invalid = Self::invalid("invalid_job", detail);
+                field.into_iter().fold(invalid, Self::field)
+            }
             other => Self::internal(other),
+        }
+    }
+}
+
+/// The field that words begin with: `presets[1]: …`, `limit: …`; or that is no field or missing, as serde says it.
+pub fn named_field(words: &str) -> Option<&str> {
+    let is_plain = |name: &str| {
+        let plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"_.[]".contains(&byte);
+        !name.is_empty() && name.bytes().all(plain)
+    };
+    let in_ticks = || {
+        let rest = words
+            .strip_prefix("missing field `")
+            .or(words.strip_prefix("unknown field `"))?;
+        Some(rest.split_once('`')?.0)
+    };
+    words
+        .split_once(": ")
+        .map(|(name, _)| name)
+        .filter(|name| is_plain(name))
+        .or_else(in_ticks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::named_field;
+
+    #[test]
+    fn fields_are_named_where_words_begin_with_them() {
+        for (words, field) in [
+            ("limit: invalid digit found in string", Some("limit")),
+            ("presets[14]: `checkerboard` fills gaps", Some("presets[14]")),
+            ("missing field `metric`", Some("metric")),
+            ("unknown field `lmit`, expected one of `status`, `limit`", Some("lmit")),
+            ("frame 0, reference: not an image", None),
+            ("/data/x.exr: not an image", None),
+            ("nothing at all", None),
+        ] {
+            assert_eq!(named_field(words), field, "{words}");
         }
     }
 }

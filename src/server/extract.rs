@@ -1,6 +1,6 @@
 //! Extractors whose refusals are [`ApiError`]s, so that a client meets one form of error whatever it did wrong.
 
-use super::ApiError;
+use super::{ApiError, error::named_field};
 use axum::{
     body::Bytes,
     extract::{FromRequest, FromRequestParts, Path, Query, Request, rejection::BytesRejection},
@@ -80,7 +80,8 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for ApiQuery<T> {
             Err(rejection) => {
                 let text = rejection.body_text();
                 let detail = text.split_once(": ").map_or(text.as_str(), |(_, detail)| detail);
-                Err(ApiError::new(StatusCode::BAD_REQUEST, "bad_query", detail))
+                let refused = ApiError::new(StatusCode::BAD_REQUEST, "bad_query", detail);
+                Err(named_field(detail).into_iter().fold(refused, ApiError::field))
             }
         }
     }

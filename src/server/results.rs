@@ -189,7 +189,8 @@ impl ReportRequest {
         if self.notes.len() > 50 || self.notes.iter().any(|note| note.len() > 2000) {
             return Err(invalid("notes", "at most 50 notes of at most 2000 bytes".to_owned()));
         }
-        if self.frames.is_empty() && self.values.is_empty() && !self.open {
+        let has_numbers = |frame: &FrameRequest| !(frame.metrics.is_empty() && frame.times_ms.is_empty());
+        if !self.frames.iter().any(has_numbers) && self.values.is_empty() && !self.open {
             return Err(invalid(
                 "frames",
                 "the report has no numbers; give `frames`, `values` or `open: true`".to_owned(),

@@ -30,7 +30,7 @@ pub async fn post(
 ) -> Result<impl IntoResponse, ApiError> {
     super::jobs::check_room(&service).await?;
     let (project, provenance) = request.take_origin().check()?;
-    stress::validate(&request.stress)?;
+    stress::validate(&request.stress).map_err(|error| ApiError::from(error).within("stress"))?;
     let job = NewJob {
         sequence_id: None,
         spec: JobSpec::stress(request.stress),

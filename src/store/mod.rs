@@ -94,7 +94,7 @@ pub enum StoreError {
     #[error("there is no report {0}")]
     NoReport(i64),
     /// Frames for a report that has ended.
-    #[error("report {0} is complete; frames can no longer be added")]
+    #[error("report {0} is complete: frames can no longer be added to it, nor can it be closed")]
     Closed(i64),
     /// Two rows of one frame in one go.
     #[error("frame {0} is there twice")]

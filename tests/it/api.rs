@@ -367,8 +367,13 @@ fn every_mistake_has_its_code_and_names_its_field() {
         .is_problem(404, "not_found", None, "frame 99");
     client
         .get("/jobs?status=lost")
-        .is_problem(400, "bad_query", None, "lost");
-    client.get("/jobs?lmit=3").is_problem(400, "bad_query", None, "lmit");
+        .is_problem(400, "bad_query", Some("status"), "lost");
+    client
+        .get("/jobs?lmit=3")
+        .is_problem(400, "bad_query", Some("lmit"), "lmit");
+    client
+        .get("/jobs?limit=many")
+        .is_problem(400, "bad_query", Some("limit"), "invalid digit");
     client
         .get("/series?metric=psrn")
         .is_problem(422, "unknown_metric", Some("metric"), "psnr");

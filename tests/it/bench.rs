@@ -128,6 +128,11 @@ fn the_service_keeps_benchmarks_and_draws_their_fronts() {
             "presets": presets, "knobs": {"history": ["f16", "f32"]}, "metrics": ["psnr", "mse"], "metric": metric}})
     };
     let one = json!([{"preset": "ema"}]);
+    let mut unset = body(one.clone(), "psnr");
+    unset["bench"]["knobs"]["history"] = json!([]);
+    client
+        .post("/bench", &unset)
+        .is_problem(422, "invalid_bench", Some("bench.knobs"), "`history` has no values");
     client.post("/bench", &body(one.clone(), "ssim")).is_problem(
         422,
         "invalid_bench",

@@ -167,7 +167,9 @@ fn every_mistake_of_a_report_is_named() {
     let post = |change: Value| client.post("/reports", &report(change));
     post(json!({"frames": []})).is_problem(422, "invalid_field", Some("frames"), "no numbers");
     post(json!({"values": {"psnr": 1}})).is_problem(422, "invalid_field", Some("values"), "computed from frames");
-    post(json!({"frames": [{"index": 1}, {"index": 1}]})).is_problem(422, "invalid_field", Some("frames"), "twice");
+    post(json!({"frames": [{"index": 1}]})).is_problem(422, "invalid_field", Some("frames"), "no numbers");
+    let twice = json!({"index": 1, "metrics": {"psnr": 1}});
+    post(json!({"frames": [twice, twice]})).is_problem(422, "invalid_field", Some("frames"), "twice");
     post(json!({"frames": [{"index": 1, "metrics": {"a b": 1}}]})).is_problem(
         422,
         "invalid_field",
@@ -313,7 +315,7 @@ fn benchers_json_is_taken_as_it_is() {
         .is_problem(422, "invalid_field", None, "must be an object");
     client
         .post("/reports/bencher?bench=1", &json!({}))
-        .is_problem(400, "bad_query", None, "bench");
+        .is_problem(400, "bad_query", Some("bench"), "bench");
 }
 
 #[test]
@@ -402,7 +404,7 @@ fn pages_neither_repeat_nor_hide() {
     assert_eq!(seen, (1..=7).rev().collect::<Vec<_>>());
     client
         .get("/reports?cursor=7")
-        .is_problem(400, "bad_query", None, "next_cursor");
+        .is_problem(400, "bad_query", Some("cursor"), "next_cursor");
     client
         .get("/reports?limit=0")
         .is_problem(400, "bad_query", Some("limit"), "1 to 1000");

@@ -507,7 +507,12 @@ fn the_service_keeps_matrices() {
         )
     };
     let unknown = json!({"stress": {"hazards": ["nothing"]}});
-    post(&unknown).is_problem(422, "invalid_job", None, "no hazard or family `nothing`");
+    post(&unknown).is_problem(
+        422,
+        "invalid_job",
+        Some("stress.hazards"),
+        "no hazard or family `nothing`",
+    );
     assert_eq!(client.get("/stress").json()["runs"].as_array().unwrap().len(), 0);
     let body =
         json!({"stress": {"presets": [{"preset": "ema"}], "hazards": ["shape.3x5", "texel.nan"]}, "label": "first"});
