@@ -1,0 +1,243 @@
+//! A verdict on one metric of a line: what it holds and what it names.
+
+use super::*;
+
+fn history(values: &[f64]) -> Vec<Past> {
+    let past = |(i, &value): (usize, &f64)| Past {
+        report_id: i as i64 + 1,
+        commit: Some(format!("c{i}")),
+        value,
+        version: 1,
+    };
+    values.iter().enumerate().map(past).collect()
+}
+
+fn judge(rules: &str, metric: &str, values: &[f64], history: &[Past], approved: &Approved) -> Vec<Check> {
+    let line = Line {
+        series_id: 1,
+        sequence: "ship",
+        recipe: "ema",
+        metric,
+        values,
+        version: 1,
+        history,
+        approved,
+    };
+    Rules::parse(rules).unwrap().judge(&line)
+}
+
+fn approved(values: &[f64]) -> Approved {
+    Approved {
+        values: values.to_vec(),
+        ..Approved::default()
+    }
+}
+
+#[test]
+fn limits_hold_for_the_median_and_name_the_first_bad_commit() {
+    let rules = "[[rule]]\nmetric = 'psnr'\nmin = 30";
+    let past = history(&[31.0, 32.0, 29.0, 29.5]);
+    let found = judge(rules, "psnr", &[29.5], &past, &Approved::default());
+    assert_eq!(found[0].outcome, Outcome::Regression);
+    let finding = &found[0].finding;
+    assert_eq!(
+        (finding.first_bad_commit.as_deref(), finding.last_good_report),
+        (Some("c2"), Some(2))
+    );
+    let outcome = |values: &[f64]| judge(rules, "psnr", values, &past, &Approved::default())[0].outcome;
+    assert_eq!(outcome(&[10.0, 31.0, 32.0]), Outcome::Ok, "one of three repeats");
+    assert_eq!(outcome(&[30.0]), Outcome::Ok);
+    assert_eq!(
+        outcome(&[f64::NAN]),
+        Outcome::Regression,
+        "not a number is not good enough"
+    );
+    assert_eq!(outcome(&[f64::INFINITY]), Outcome::Ok);
+    assert!(judge(rules, "ssim", &[0.1], &[], &Approved::default()).is_empty());
+}
+
+#[test]
+fn a_baseline_is_a_set_in_one_environment() {
+    let rules = "[[rule]]\nmetric = '*'\nbaseline = '1 %'";
+    let outcome = |metric, value, approved: &Approved| judge(rules, metric, &[value], &[], approved)[0].outcome;
+    assert_eq!(outcome("psnr", 40.0, &Approved::default()), Outcome::Unknown);
+    let set = approved(&[40.0, 38.0]);
+    assert_eq!(
+        outcome("psnr", 37.7, &set),
+        Outcome::Ok,
+        "1 % below the worst of the set"
+    );
+    assert_eq!(outcome("psnr", 37.5, &set), Outcome::Regression);
+    assert_eq!(outcome("flip", 40.3, &set), Outcome::Ok, "lower is better");
+    assert_eq!(outcome("flip", 40.5, &set), Outcome::Regression);
+    assert_eq!(outcome("frobs", 40.0, &set), Outcome::Unknown, "an unknown direction");
+    assert_eq!(outcome("psnr", f64::INFINITY, &approved(&[f64::INFINITY])), Outcome::Ok);
+    assert_eq!(outcome("psnr", 99.0, &approved(&[f64::INFINITY])), Outcome::Regression);
+    let elsewhere = Approved {
+        elsewhere: true,
+        ..Approved::default()
+    };
+    let check = &judge(rules, "psnr", &[40.0], &[], &elsewhere)[0];
+    assert!(
+        check.outcome == Outcome::Unknown && check.detail.starts_with("environment differs"),
+        "{check:?}"
+    );
+}
+
+#[test]
+fn a_change_counts_until_it_is_approved_and_only_for_the_worse() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let mut values: Vec<f64> = (0..12).map(|i| 1.0 + 0.001 * f64::from(i % 3)).collect();
+    values.extend((0..6).map(|i| 1.2 + 0.001 * f64::from(i % 3)));
+    let past = history(&values);
+    let found = judge(rules, "gpu_time_ms", &[1.2], &past, &Approved::default()).remove(0);
+    assert_eq!(found.outcome, Outcome::Regression, "{found:?}");
+    assert_eq!(
+        (
+            found.finding.first_bad_commit.as_deref(),
+            found.finding.last_good_commit.as_deref()
+        ),
+        (Some("c12"), Some("c11"))
+    );
+    assert!(found.finding.effect_low.unwrap().0 > 0.19 && found.finding.effect_high.unwrap().0 < 0.21);
+    let accepted = Approved {
+        newest_report_id: Some(15),
+        ..Approved::default()
+    };
+    assert_eq!(
+        judge(rules, "gpu_time_ms", &[1.2], &past, &accepted)[0].outcome,
+        Outcome::Ok
+    );
+    values.reverse();
+    assert_eq!(
+        judge(rules, "gpu_time_ms", &[1.0], &history(&values), &Approved::default())[0].outcome,
+        Outcome::Ok
+    );
+    let short = judge(rules, "gpu_time_ms", &[1.2], &past[..5], &Approved::default()).remove(0);
+    assert_eq!(short.outcome, Outcome::Unknown, "{short:?}");
+}
+
+#[test]
+fn a_change_that_was_not_made_good_outlasts_the_next() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let verdict = |levels: [f64; 3]| {
+        let level = |value: f64| (0..8).map(move |i| value + 0.001 * f64::from(i % 3));
+        let values: Vec<f64> = levels.into_iter().flat_map(level).collect();
+        judge(
+            rules,
+            "gpu_time_ms",
+            &values[23..],
+            &history(&values),
+            &Approved::default(),
+        )
+        .remove(0)
+    };
+    for (levels, first_bad, effect) in [
+        ([1.0, 1.3, 1.15], "c8", 0.15),
+        ([1.0, 1.15, 1.3], "c8", 0.3),
+        ([1.3, 1.0, 1.15], "c16", 0.15),
+    ] {
+        let found = verdict(levels);
+        assert_eq!(found.outcome, Outcome::Regression, "{found:?}");
+        assert_eq!(found.finding.first_bad_commit.as_deref(), Some(first_bad));
+        assert!((found.finding.effect.unwrap().0 - effect).abs() < 0.01, "{found:?}");
+    }
+    for levels in [[1.0, 1.3, 1.0], [1.0, 1.3, 0.9], [1.3, 1.0, 0.8]] {
+        assert_eq!(verdict(levels).outcome, Outcome::Ok, "{levels:?}");
+    }
+}
+
+#[test]
+fn what_came_back_exactly_is_good_again() {
+    for (metric, step) in [("psnr", -1.0), ("gpu_time_ms", 1.0)] {
+        let rules = format!("[[rule]]\nmetric = '{metric}'\nchange = {{ min_segment = 4, min_effect = 0 }}");
+        let levels = |last: f64| {
+            [30.0, 30.0 + step, last]
+                .into_iter()
+                .flat_map(|level| [level; 8])
+                .collect::<Vec<_>>()
+        };
+        let outcome = |last: f64| {
+            let past = history(&levels(last));
+            judge(&rules, metric, &[last], &past, &Approved::default())[0].outcome
+        };
+        assert_eq!(outcome(30.0), Outcome::Ok, "{metric}");
+        assert_eq!(outcome(30.0 + 0.5 * step), Outcome::Regression, "{metric}");
+    }
+}
+
+#[test]
+fn a_dismissed_change_hides_no_other() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let values: Vec<f64> = [1.0, 1.3, 2.0].into_iter().flat_map(|level| [level; 8]).collect();
+    let first_bad = |n: usize, dismissed: &[i64]| {
+        let approved = Approved {
+            dismissed: dismissed.to_vec(),
+            ..Approved::default()
+        };
+        let found = judge(
+            rules,
+            "gpu_time_ms",
+            &values[n - 1..n],
+            &history(&values[..n]),
+            &approved,
+        )
+        .remove(0);
+        assert_eq!(found.outcome, Outcome::Regression);
+        found.finding.first_bad_report.unwrap()
+    };
+    let first = first_bad(16, &[]);
+    assert_eq!((first_bad(24, &[]), first_bad(16, &[first])), (first, first));
+    assert_eq!(first_bad(24, &[first]), first + 8);
+}
+
+#[test]
+fn a_fall_from_infinity_is_measured_within_the_window() {
+    let rules = "[[rule]]\nmetric = 'psnr'\nchange = { min_segment = 4 }";
+    let values: Vec<f64> = [f64::INFINITY, 31.0, 29.0]
+        .into_iter()
+        .flat_map(|level| [level; 8])
+        .collect();
+    let found = judge(rules, "psnr", &[29.0], &history(&values), &Approved::default()).remove(0);
+    assert_eq!(found.outcome, Outcome::Regression);
+    assert_eq!(found.finding.effect, Some(Value(-2.0)), "{}", found.detail);
+}
+
+#[test]
+fn what_is_asked_for_by_name_must_be_measured() {
+    let rules = "[[rule]]\nmetric = 'psnr'\nmin = 40\n[[rule]]\nmetric = 'flip'\nsequence = 'pan'\nbaseline = 0\n\
+                 [[rule]]\nmetric = 'ssim*'\nmin = 0.9";
+    let rules = Rules::parse(rules).unwrap();
+    let missing = |sequence: &str, measured: &[&str]| -> Vec<(String, Kind)> {
+        let measured = measured.iter().map(|&metric| metric.to_owned()).collect();
+        let found = rules.unmeasured(None, sequence, "ema", &measured);
+        assert!(found.iter().all(|check| check.outcome == Outcome::Unknown));
+        found.into_iter().map(|check| (check.metric, check.kind)).collect()
+    };
+    assert_eq!(missing("ship", &["ssim"]), [("psnr".to_owned(), Kind::Limit)]);
+    assert_eq!(missing("pan", &["psnr"]), [("flip".to_owned(), Kind::Baseline)]);
+    assert!(missing("pan", &["psnr", "flip"]).is_empty());
+}
+
+#[test]
+fn values_of_another_version_are_not_compared() {
+    let rules = "[[rule]]\nmetric = 'psnr'\nchange = { min_segment = 2 }";
+    let mut past = history(&[30.0, 30.1, 30.0, 30.1, 20.0, 20.1, 20.0, 20.1]);
+    past[..4].iter_mut().for_each(|past| past.version = 0);
+    assert_eq!(
+        judge(rules, "psnr", &[20.0], &past, &Approved::default())[0].outcome,
+        Outcome::Ok
+    );
+}
+
+#[test]
+fn worst_frames_follow_the_direction() {
+    let frame = |index, value| FrameReport {
+        metrics: [("m".to_owned(), Value(value))].into(),
+        ..FrameReport::empty(index)
+    };
+    let frames = [frame(0, 3.0), frame(1, 1.0), frame(2, f64::NAN), frame(3, 2.0)];
+    assert_eq!(worst_frames(&frames, "m", Some(Better::Higher)), [2, 1, 3]);
+    assert_eq!(worst_frames(&frames, "m", Some(Better::Lower)), [2, 0, 3]);
+    assert!(worst_frames(&frames, "m", None).is_empty());
+}
