@@ -217,6 +217,7 @@ async fn gather(
             continue;
         }
         let value = |report: &&Arc<Report>| match metric == GPU_TIME {
+            // Where it was posted before it was taken for the report's, it is among the values only.
             true => report.gpu_time_ms.or_else(|| Some(report.values.get(GPU_TIME)?.0)),
             false => report.values.get(&metric).map(|value| value.0),
         };

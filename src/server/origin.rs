@@ -153,11 +153,19 @@ pub fn invalid(field: &str, detail: String) -> ApiError {
     ApiError::invalid("invalid_field", detail).field(field)
 }
 
-/// Names appear in addresses and tables.
+/// What names are made of.
+pub fn is_plain(c: char) -> bool {
+    c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.')
+}
+
+/// Names appear in addresses and tables, and must not be taken for folders above.
+pub fn is_name(name: &str) -> bool {
+    (1..=100).contains(&name.len()) && name.chars().all(is_plain) && name.bytes().any(|byte| byte != b'.')
+}
+
+/// Refuses what is no name.
 pub fn check_name(field: &str, name: &str) -> Result<(), ApiError> {
-    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    let only_dots = name.bytes().all(|byte| byte == b'.');
-    match (1..=100).contains(&name.len()) && name.chars().all(plain) && !only_dots {
+    match is_name(name) {
         true => Ok(()),
         false => Err(invalid(
             field,

@@ -5,7 +5,7 @@ use super::{
     ApiError, ApiPath, ApiQuery, Service, Shared,
     extract::ApiJson,
     judging::{self, Judgement},
-    origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, with_origin},
+    origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, is_plain, with_origin},
 };
 use crate::{
     metrics::{Summary, Value},
@@ -451,7 +451,6 @@ fn stay_distinct<'a>(names: impl Iterator<Item = &'a String>) -> Result<(), ApiE
 
 /// Benchmarks are named by paths and types; what is no letter or digit becomes a dash.
 fn plain(name: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     name.chars()
         .map(|c| if is_plain(c) { c } else { '-' })
         .take(100)

@@ -1,7 +1,7 @@
 //! `PUT /sequences/{name}`: a tar, tar.gz or zip of a sequence's folder. It is streamed to the spool, unpacked within
 //! limits, checked and hashed, and only then moved into place and stored: a refused upload leaves nothing.
 
-use super::{ApiError, ApiPath, Service, Shared};
+use super::{ApiError, ApiPath, Service, Shared, origin::is_name};
 use crate::{
     sequence::{ManifestError, Sequence, SequenceError, archive},
     store::{NewSequence, Timestamp},
@@ -46,12 +46,10 @@ pub async fn put(
     Ok((status, location, Json(stored)))
 }
 
-/// Names appear in addresses and tables, and must not be taken for hashes or for folders above.
+/// A sequence's name must not be taken for a hash.
 pub fn check_name(name: &str) -> Result<(), ApiError> {
-    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     let like_a_hash = name.len() == 64 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
-    let only_dots = name.bytes().all(|byte| byte == b'.');
-    if (1..=100).contains(&name.len()) && name.chars().all(plain) && !like_a_hash && !only_dots {
+    if is_name(name) && !like_a_hash {
         return Ok(());
     }
     let detail =

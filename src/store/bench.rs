@@ -79,7 +79,8 @@ impl Store {
     pub async fn bench_runs(&self, filter: &BenchFilter) -> Result<Vec<BenchRun>, StoreError> {
         let found = sqlx::query_as(select_runs!(
             "WHERE (?1 IS NULL OR sequences.hash = ?1
-                    OR sequences.id = (SELECT sequence_id FROM sequence_names WHERE name = ?1)) AND (?2 IS NULL OR bench_reports.job_id < ?2)
+                    OR sequences.id = (SELECT sequence_id FROM sequence_names WHERE name = ?1))
+               AND (?2 IS NULL OR bench_reports.job_id < ?2)
              ORDER BY bench_reports.job_id DESC LIMIT +?3"
         ))
         .bind(&filter.sequence)
