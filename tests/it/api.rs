@@ -3,17 +3,15 @@
 
 use crate::{
     posting::report,
-    support::service::{Answer, Client, TestService, fixture, packed},
+    support::service::{Answer, Client, Idle, Scripted, TestService, endless, fixture, packed},
 };
 use afterimage::{
-    run::{Observer, RunError, RunSpec, report::Report},
+    run::{Observer, RunError, RunSpec},
     taa,
-    worker::Runner,
 };
 use serde_json::{Value, json};
 use std::{
     io::{BufRead, BufReader, Write},
-    path::Path,
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering::SeqCst},
@@ -21,30 +19,6 @@ use std::{
     thread,
     time::{Duration, Instant},
 };
-
-/// Runs jobs as a test says.
-struct Scripted<F>(F);
-
-impl<F: FnMut(&RunSpec, &dyn Observer) -> Result<Report, RunError> + Send> Runner for Scripted<F> {
-    fn run(&mut self, _sequence: &Path, spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError> {
-        self.0(spec, observer)
-    }
-}
-
-/// Works until told to stop.
-fn endless(_spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError> {
-    let mut n_done = 0;
-    while !observer.cancelled() {
-        n_done += 1;
-        observer.progress(n_done.min(11), 12);
-        thread::sleep(Duration::from_millis(5));
-    }
-    Err(RunError::Cancelled)
-}
-
-fn never(_spec: &RunSpec, _observer: &dyn Observer) -> Result<Report, RunError> {
-    Err(RunError::Input("no job of this test should run".to_owned()))
-}
 
 const EVERY_PRESET: [&str; 5] = ["none", "ema", "inside", "karis2014", "salvi2016"];
 
@@ -227,7 +201,7 @@ fn check_series(client: &Client, report: &Value) {
 
 #[test]
 fn equal_content_is_one_sequence_whatever_its_container() {
-    let service = TestService::start(Scripted(never), &[]);
+    let service = TestService::start(Idle, &[]);
     let client = service.client();
     let tar = packed("pan");
     let mut gz = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
@@ -253,7 +227,7 @@ fn equal_content_is_one_sequence_whatever_its_container() {
 
 #[test]
 fn what_is_no_sequence_leaves_nothing_behind() {
-    let service = TestService::start(Scripted(never), &["--max-archive-mib", "1"]);
+    let service = TestService::start(Idle, &["--max-archive-mib", "1"]);
     let client = service.client();
     client
         .put("a", b"neither tar nor zip")
@@ -313,7 +287,7 @@ fn tar_of(name: &str, content: &[u8]) -> Vec<u8> {
 
 #[test]
 fn every_mistake_has_its_code_and_names_its_field() {
-    let service = TestService::start(Scripted(never), &["--max-json-kib", "4"]);
+    let service = TestService::start(Idle, &["--max-json-kib", "4"]);
     let client = service.client();
     assert_eq!(client.put("pan", &packed("pan")).status, 201);
     let job = |change: Value| {
@@ -474,7 +448,7 @@ fn a_full_queue_says_when_to_come_back() {
 
 #[test]
 fn a_client_that_heard_an_event_is_not_told_it_again() {
-    let service = TestService::start(Scripted(never), &[]);
+    let service = TestService::start(Idle, &[]);
     let client = service.client();
     assert_eq!(client.put("pan", &packed("pan")).status, 201);
     let id = client.start_job(&json!({"sequence": "pan", "presets": ["ema"]}));
@@ -523,7 +497,7 @@ fn wait_for_check(client: &Client, sequence: &str) -> Value {
 
 #[test]
 fn every_new_sequence_is_checked_and_its_page_warns() {
-    let service = TestService::start(Scripted(never), &[]);
+    let service = TestService::start(Idle, &[]);
     let client = service.client();
     let wrong = crate::sequence::copy_of("pan");
     crate::sequence::edit(&wrong, |manifest| manifest["motion"]["y"] = json!("down"));
@@ -557,6 +531,6 @@ fn every_new_sequence_is_checked_and_its_page_warns() {
     // What was found outlives the service; nothing is checked again.
     let checked_at = found["checked_at"].clone();
     let data = service.stop();
-    let service = TestService::start_in(data, Scripted(never), &[]);
+    let service = TestService::start_in(data, Idle, &[]);
     assert_eq!(wait_for_check(&service.client(), "wrong")["checked_at"], checked_at);
 }

@@ -2,7 +2,7 @@
 
 use crate::support::{
     browser::Page,
-    service::{Client, Idle, TestService, packed},
+    service::{Client, Idle, Scripted, TestService, endless, packed},
 };
 use serde_json::{Value, json};
 
@@ -278,7 +278,7 @@ fn a_report_has_a_chart_a_metric_and_its_worst_frames_first() {
 }
 
 #[test]
-fn a_job_is_made_watched_and_cancelled() {
+fn a_job_is_made_watched_and_made_again() {
     let service = TestService::with_gpu();
     let client = service.client();
     client.put("pan", &packed("pan"));
@@ -305,17 +305,31 @@ fn a_job_is_made_watched_and_cancelled() {
     assert_eq!(spec, json!([{"preset": "ema", "parameters": {"current_weight": 0.25}}]));
     page.until("document.querySelector('.chart')?.dataset.drawn == 1");
 
-    // Run again, slowly: it moves on the list, and is cancelled there.
     page.go(&service.url("/jobs/new?from=1"));
     page.until("document.querySelector('[data-preset=ema] input[name=current_weight]')?.value == '0.25'");
     page.value("{ document.querySelector('[name=repeat]').value = 100; document.querySelector('[name=validate]').checked = true; }");
     page.click("button.main");
     page.until("location.pathname == '/jobs/2'");
+    page.until("document.querySelector('.status.done')");
+    let again = client.get("/jobs/2").json()["spec"].clone();
+    assert_eq!((&again["repeat"], &again["presets"]), (&json!(100), &spec));
+    page.is_well();
+}
+
+#[test]
+fn a_job_moves_on_the_list_and_is_cancelled_there() {
+    let service = TestService::start(Scripted(endless), &[]);
+    let client = service.client();
+    client.put("pan", &packed("pan"));
+    let id = client.start_job(&json!({"sequence": "pan", "presets": ["ema"]}));
+    let mut page = Page::open();
+    page.go(&service.url(&format!("/jobs/{id}")));
     page.until("document.getElementById('progress')?.value > 0");
     page.go(&service.url("/jobs"));
-    page.until("document.querySelector('[data-job=\"2\"] progress')?.value > 1");
-    page.click("[data-job=\"2\"] button");
-    page.until("document.querySelector('[data-job=\"2\"] .status.cancelled')");
+    let row = |selector| format!("[data-job=\"{id}\"] {selector}");
+    page.until(&format!("document.querySelector('{}')?.value > 1", row("progress")));
+    page.click(&row("button"));
+    page.until(&format!("document.querySelector('{}')", row(".status.cancelled")));
     page.is_well();
 }
 

@@ -248,6 +248,26 @@ impl Runner for Idle {
     }
 }
 
+/// A worker that runs jobs as a test says.
+pub struct Scripted<F>(pub F);
+
+impl<F: FnMut(&RunSpec, &dyn Observer) -> Result<Report, RunError> + Send> Runner for Scripted<F> {
+    fn run(&mut self, _: &Path, spec: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError> {
+        self.0(spec, observer)
+    }
+}
+
+/// For [`Scripted`]: a job that works until told to stop.
+pub fn endless(_: &RunSpec, observer: &dyn Observer) -> Result<Report, RunError> {
+    let mut n_done = 0;
+    while !observer.cancelled() {
+        n_done += 1;
+        observer.progress(n_done.min(11), 12);
+        thread::sleep(Duration::from_millis(5));
+    }
+    Err(RunError::Cancelled)
+}
+
 pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
