@@ -4,8 +4,9 @@
 use flate2::read::MultiGzDecoder;
 use std::{
     cell::Cell,
+    collections::BTreeSet,
     fs::{self, File},
-    io::{self, BufReader, Read},
+    io::{self, BufReader, Read, Seek as _, SeekFrom},
     path::{Path, PathBuf},
 };
 use tempfile::TempDir;
@@ -203,12 +204,16 @@ impl Unpacker<'_> {
             allowance: &allowance,
         });
         let mut entries = tar.entries().map_err(|error| unreadable(self.archive, error))?;
+        let mut last = String::new();
         loop {
             allowance.set(MAX_TAR_HEADER_BYTES);
             let Some(entry) = entries.next() else {
                 return Ok(());
             };
-            let mut entry = entry.map_err(|error| unreadable(self.archive, error))?;
+            let mut entry = entry.map_err(|error| match last.as_str() {
+                "" => unreadable(self.archive, error),
+                last => self.refused(last, format!("is followed by what cannot be read: {error}")),
+            })?;
             let name = self.name(&entry.path_bytes())?;
             let kind = entry.header().entry_type();
             // A body is padded to whole blocks.
@@ -222,6 +227,7 @@ impl Unpacker<'_> {
                     return Err(self.refused(&name, "is a link or a device; only files and folders are allowed"));
                 }
             }
+            last = name;
         }
     }
 
@@ -237,6 +243,7 @@ impl Unpacker<'_> {
 
     fn zip(&mut self, reader: impl Read + io::Seek) -> Result<(), ArchiveError> {
         let mut zip = zip::ZipArchive::new(reader).map_err(|error| unreadable(self.archive, error))?;
+        self.every_entry_once(zip.central_directory_start())?;
         for index in 0..zip.len() {
             let mut entry = zip.by_index(index).map_err(|error| unreadable(self.archive, error))?;
             let name = self.name(entry.name_raw())?;
@@ -249,6 +256,36 @@ impl Unpacker<'_> {
             }
         }
         Ok(())
+    }
+
+    /// A zip reader keeps the last of the entries with one name and says nothing of the others, so the directory is read
+    /// once more.
+    fn every_entry_once(&self, directory_start: u64) -> Result<(), ArchiveError> {
+        let first_twice = || -> io::Result<Option<Vec<u8>>> {
+            let mut directory = BufReader::new(File::open(self.archive)?);
+            directory.seek(SeekFrom::Start(directory_start))?;
+            let mut names = BTreeSet::new();
+            let mut header = [0; 46];
+            loop {
+                directory.read_exact(&mut header[..4])?;
+                if header[..4] != *b"PK\x01\x02" {
+                    return Ok(None);
+                }
+                directory.read_exact(&mut header[4..])?;
+                let size = |at: usize| u16::from_le_bytes([header[at], header[at + 1]]);
+                let mut name = vec![0; size(28).into()];
+                directory.read_exact(&mut name)?;
+                let (extra, comment) = (size(30), size(32));
+                directory.seek_relative(i64::from(extra) + i64::from(comment))?;
+                if !names.insert(name.clone()) {
+                    return Ok(Some(name));
+                }
+            }
+        };
+        match first_twice().map_err(|error| unreadable(self.archive, error))? {
+            Some(name) => Err(self.refused(&String::from_utf8_lossy(&name), "appears twice")),
+            None => Ok(()),
+        }
     }
 
     /// Where an entry goes, if its name stays inside the folder.

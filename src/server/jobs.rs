@@ -195,7 +195,7 @@ pub async fn post(
         Some(id) => (StatusCode::OK, id),
         None => {
             let id = service.store.enqueue(&job, Timestamp::now()).await?;
-            service.wake.notify_one();
+            announce_queued(&service, id);
             (StatusCode::ACCEPTED, id)
         }
     };
@@ -207,10 +207,16 @@ pub async fn post(
     Ok((status, location, Json(job)))
 }
 
+/// Wakes the worker. Its lines of the log have the job's number; this one has the request's, too.
+fn announce_queued(service: &Service, job: i64) {
+    tracing::info!(job, "job queued");
+    service.wake.notify_one();
+}
+
 /// Queues a job that is no run: 202, where to watch it, and the job.
 pub async fn accept(service: &Service, job: &NewJob) -> Result<impl IntoResponse + use<>, ApiError> {
     let id = service.store.enqueue(job, Timestamp::now()).await?;
-    service.wake.notify_one();
+    announce_queued(service, id);
     let location = [(header::LOCATION, format!("/api/v1/jobs/{id}"))];
     let job = service.store.job(id).await?;
     let job = job.ok_or_else(|| ApiError::not_found(format!("there is no job {id}")))?;

@@ -1,7 +1,7 @@
 //! `POST /verdicts`: reports held against rules. Also what follows from it: the rules are kept as the branch's, alerts are
 //! opened and resolved, webhooks are told.
 
-use super::{ApiError, Service, Shared, extract::ApiJson};
+use super::{ApiError, Service, Shared, extract::ApiJson, tidying};
 use crate::{
     metrics::Value,
     statistics::median,
@@ -117,6 +117,9 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
     };
     let current: Vec<Check> = checks.iter().filter(stands).cloned().collect();
     let alerts = service.store.note_checks(&project, &branch, &current, now).await?;
+    if service.store.is_silent(&project, &branch).await? {
+        tidying::note_silence(service, now).await?;
+    }
     let judgement = Judgement {
         outcome: overall(&checks),
         checks,
@@ -217,8 +220,7 @@ async fn gather(
             continue;
         }
         let value = |report: &&Arc<Report>| match metric == GPU_TIME {
-            // Where it was posted before it was taken for the report's, it is among the values only.
-            true => report.gpu_time_ms.or_else(|| Some(report.values.get(GPU_TIME)?.0)),
+            true => report.gpu_time_ms,
             false => report.values.get(&metric).map(|value| value.0),
         };
         let version = match metric == GPU_TIME {

@@ -87,6 +87,7 @@ use tower_http::{
         predicate::{NotForContentType, Predicate, SizeAbove},
     },
     decompression::RequestDecompressionLayer,
+    timeout::RequestBodyTimeoutLayer,
 };
 
 /// Why the service could not start, or ended.
@@ -160,6 +161,10 @@ pub fn document() -> &'static Value {
 
 /// How long open requests may take to end once the service stops: a client that sends nothing more would keep it for ever.
 const GRACE: Duration = Duration::from_secs(8);
+
+/// How long a client may send nothing in the midst of a request, or between two: one that is gone would keep its place, and
+/// the upload that it has begun, for ever.
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// How handlers take [`Service`].
 pub type Shared = axum::extract::State<Arc<Service>>;
@@ -280,15 +285,21 @@ impl Running {
     /// Answers requests until stopped; then lets open requests end, for a while, and the current frame.
     pub async fn run(self) -> Result<(), ServeError> {
         let shutdown = self.service.shutdown.clone();
+        let connections = axum_server::Handle::new();
         let late = async {
             shutdown.cancelled().await;
+            connections.graceful_shutdown(None);
             sleep(GRACE).await;
         };
         let postman = tokio::spawn(webhooks::deliver(Arc::clone(&self.service)));
         let tidying = tokio::spawn(tidying::tidy(Arc::clone(&self.service)));
         let serving = async {
-            let served = axum::serve(self.listener, router(Arc::clone(&self.service)))
-                .with_graceful_shutdown(shutdown.clone().cancelled_owned())
+            let mut server = axum_server::Server::<SocketAddr>::from_listener(self.listener)
+                .http1_only()
+                .handle(connections.clone());
+            server.http_builder().http1().header_read_timeout(PATIENCE);
+            let served = server
+                .serve(router(Arc::clone(&self.service)).into_make_service())
                 .await;
             self.service.writes.close();
             self.service.writes.wait().await;
@@ -298,6 +309,7 @@ impl Running {
             served = serving => served,
             () = late => {
                 tracing::warn!("requests are cut off that were still open {GRACE:?} after the stop");
+                connections.shutdown();
                 Ok(())
             }
         };
@@ -343,7 +355,9 @@ pub fn router(service: Arc<Service>) -> Router {
         .merge(web::routes())
         .method_not_allowed_fallback(wrong_method)
         .layer(DefaultBodyLimit::max(max_json_bytes))
-        .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
+        .layer(RequestDecompressionLayer::new())
+        .layer(middleware::from_fn(known_encoding))
+        .layer(RequestBodyTimeoutLayer::new(PATIENCE))
         .layer(middleware::from_fn_with_state(with(), access::control))
         .layer(CompressionLayer::new().compress_when(worth_compressing()))
         .layer(middleware::from_fn(security_headers))
@@ -359,6 +373,17 @@ fn worth_compressing() -> impl Predicate {
         .and(NotForContentType::SSE)
         .and(NotForContentType::const_new("application/x-tar"))
         .and(NotForContentType::const_new("application/vnd.apache.parquet"))
+}
+
+/// Bytes that cannot be unfolded would be taken for what they are not.
+async fn known_encoding(request: Request<axum::body::Body>, next: Next) -> Result<Response, ApiError> {
+    let encoding = request.headers().get(header::CONTENT_ENCODING);
+    if encoding.is_none_or(|encoding| encoding == "gzip" || encoding == "identity") {
+        return Ok(next.run(request).await);
+    }
+    let detail = "the body may be sent as it is or with `content-encoding: gzip`";
+    let refused = ApiError::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unknown_encoding", detail);
+    Err(refused.field("content-encoding"))
 }
 
 async fn unknown_path(request: Request<axum::body::Body>) -> ApiError {

@@ -5,7 +5,7 @@ use super::{
     ApiError, ApiPath, ApiQuery, Service, Shared,
     extract::ApiJson,
     judging::{self, Judgement},
-    origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, is_plain, with_origin},
+    origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, is_name, is_plain, with_origin},
 };
 use crate::{
     metrics::{Summary, Value},
@@ -108,12 +108,11 @@ pub struct PostedAll {
 
 /// Metrics and passes are named by ids that need no quoting anywhere.
 fn check_id(field: &str, name: &str) -> Result<(), ApiError> {
-    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | ':');
-    match (1..=100).contains(&name.len()) && name.chars().all(plain) {
+    match is_name(&name.replace(':', "-")) {
         true => Ok(()),
         false => Err(invalid(
             field,
-            format!("`{name}` is no id: 1 to 100 letters, digits, `-`, `_`, `.` or `:`"),
+            format!("`{name}` is no id: 1 to 100 letters, digits, `-`, `_`, `.` or `:`, and not only dots"),
         )),
     }
 }

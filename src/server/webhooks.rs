@@ -69,9 +69,16 @@ impl Target {
         if host.is_empty() {
             return Err(TargetError::Form);
         }
+        let port = match authority.as_str() == authority.host() {
+            true => default_port,
+            false => authority
+                .port_u16()
+                .filter(|port| *port != 0)
+                .ok_or(TargetError::Form)?,
+        };
         Ok(Self {
             host: host.to_owned(),
-            port: authority.port_u16().unwrap_or(default_port),
+            port,
             allows_private,
         })
     }
@@ -232,6 +239,10 @@ mod tests {
             ("http://[::ffff:127.0.0.1]/", false),
             ("http://[fd00::1]/", false),
             ("http://[2002:7f00:1::]/", false),
+            ("https://93.184.216.34:8443/hook", true),
+            ("https://93.184.216.34:99999/", false),
+            ("https://93.184.216.34:/", false),
+            ("https://93.184.216.34:0/", false),
             ("ftp://93.184.216.34/", false),
             ("https://user@93.184.216.34/", false),
             ("/only/a/path", false),

@@ -417,6 +417,15 @@ impl Store {
         Ok(done.rows_affected() > 0)
     }
 
+    /// Whether an alert is open because a line of a branch is silent.
+    pub async fn is_silent(&self, project: &str, branch: &str) -> Result<bool, StoreError> {
+        let silent = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM alerts JOIN projects ON projects.id = alerts.project_id
+                            WHERE alerts.status = 'open' AND kind = 'no_data' AND projects.name = ? AND branch = ?)",
+        );
+        Ok(silent.bind(project).bind(branch).fetch_one(&self.readers).await?)
+    }
+
     /// Opens an alert for every line that had reports on a branch with rules and has been silent for the nights that they
     /// allow, and resolves those that speak again. Gives the new alerts' numbers.
     pub async fn note_silence(&self, now: Timestamp) -> Result<Vec<i64>, StoreError> {

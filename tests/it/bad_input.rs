@@ -306,6 +306,12 @@ fn names_that_are_no_text_or_come_twice_are_refused() {
     assert_names(&refusal(&latin), &["caf", "has a name that is not UTF-8"]);
     let twice = tar(|tar| add(tar, b"manifest.json", tar::EntryType::Regular, b"{}"));
     assert_names(&refusal(&twice), &["`manifest.json` appears twice"]);
+    // No writer makes it, so one name is changed afterwards, in the entry and in the directory.
+    let mut zipped = zip(&[("manifest.json", b"{}"), ("frame_a.exr", b"x"), ("frame_b.exr", b"y")]);
+    while let Some(at) = zipped.windows(11).position(|name| name == b"frame_b.exr") {
+        zipped[at..at + 11].copy_from_slice(b"frame_a.exr");
+    }
+    assert_names(&refusal(&zipped), &["`frame_a.exr` appears twice"]);
 }
 
 #[test]
@@ -314,6 +320,12 @@ fn archives_that_are_none_are_named() {
     assert_names(&refusal(b""), &["neither tar, tar.gz nor zip"]);
     let whole = gzip(&tar(|_| {}));
     assert_names(&refusal(&whole[..whole.len() / 2]), &["upload"]);
+    let whole = tar(|tar| add(tar, b"a.exr", tar::EntryType::Regular, &[7; 2048]));
+    assert_names(&refusal(&whole[..2000]), &["`a.exr`", "unexpected EOF"]);
+    assert_names(
+        &refusal(&whole[..3700]),
+        &["`a.exr` is followed by what cannot be read"],
+    );
     let whole = zip(&[("manifest.json", b"{}")]);
     assert_names(&refusal(&whole[..whole.len() / 2]), &["upload"]);
     // The checksum lies behind what a tar reader reads.

@@ -509,6 +509,13 @@ fn what_a_client_has_is_not_sent_again_and_text_is_compressed() {
             .status,
         201
     );
+    let headers = [("content-type", "application/json"), ("content-encoding", "br")];
+    client.send("POST", "/reports", &headers, b"\x0b").is_problem(
+        415,
+        "unknown_encoding",
+        Some("content-encoding"),
+        "gzip",
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::support::service::{Client, Idle, TestService, packed};
 use serde_json::json;
 use std::{
     fs,
-    io::Write as _,
+    io::{Read as _, Write as _},
     net::{TcpListener, TcpStream},
     path::Path,
     process::{Child, Command, Stdio},
@@ -83,6 +83,34 @@ fn the_service_gives_lavapipe_four_threads_a_core() {
         .find_map(|it| it.strip_prefix("LP_NUM_THREADS="));
     let n_cores = thread::available_parallelism().unwrap().get();
     assert_eq!(n_threads, Some((4 * n_cores).to_string().as_str()));
+}
+
+#[test]
+fn a_client_that_sends_nothing_more_is_let_go() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let path = format!("/blobs/{}", "0".repeat(64));
+    let begun = Instant::now();
+    let mut silent = TcpStream::connect(service.address).unwrap();
+    silent.write_all(b"GET /api/v1/rep").unwrap();
+    let mut upload = TcpStream::connect(service.address).unwrap();
+    let head = format!("PUT /api/v1{path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 9\r\n\r\nhalf");
+    upload.write_all(head.as_bytes()).unwrap();
+    thread::sleep(Duration::from_millis(500));
+    client
+        .send("PUT", &path, &[], b"")
+        .is_problem(409, "upload_in_progress", None, "somebody else");
+    let mut answer = String::new();
+    upload.read_to_string(&mut answer).unwrap();
+    assert!(answer.contains("upload_broken"), "{answer}");
+    // Whoever sent it may go on with it.
+    let offset = client.send("HEAD", &path, &[], &[]);
+    assert_eq!((offset.status, offset.header("upload-offset")), (204, "4"));
+    client
+        .send("PUT", &path, &[("content-range", "bytes 4-8/9")], b"other")
+        .is_problem(422, "wrong_hash", Some("sha256"), "SHA-256");
+    assert_eq!(silent.read(&mut [0]).unwrap(), 0);
+    assert!(begun.elapsed() > Duration::from_secs(15), "nobody was waited for");
 }
 
 #[test]

@@ -342,15 +342,11 @@ fn repeats_are_judged_by_their_median() {
 
 #[tokio::test]
 async fn silence_is_an_alert_until_it_ends() {
-    let service = tokio::task::spawn_blocking(|| {
+    let rules = || json!({"no_data_nights": 2, "rule": [{"metric": "psnr", "min": 30}]});
+    let service = tokio::task::spawn_blocking(move || {
         let service = TestService::start(Idle, &[]);
         let client = service.client();
-        judged(
-            &client,
-            "last",
-            31.0,
-            &json!({"no_data_nights": 2, "rule": [{"metric": "psnr", "min": 30}]}),
-        );
+        judged(&client, "last", 31.0, &rules());
         client.posted("/reports", &report("unruled", 31.0, json!({"branch": "other"})));
         service
     })
@@ -378,10 +374,14 @@ async fn silence_is_an_alert_until_it_ends() {
         alerts[0].detail
     );
     assert_eq!(alerts[0].finding.last_good_commit.as_deref(), Some("last"));
-    store.note_silence(after(0.1)).await.unwrap();
+    tokio::task::spawn_blocking(move || {
+        judged(&service.client(), "again", 31.0, &rules());
+        drop(service);
+    })
+    .await
+    .unwrap();
     assert_eq!(store.n_open_alerts().await.unwrap(), 0, "it speaks again");
     store.close().await;
-    tokio::task::spawn_blocking(move || drop(service)).await.unwrap();
 }
 
 /// Takes one HTTP request and answers with a status; its headers and body.

@@ -220,5 +220,18 @@ fn the_viewer_steps_compares_and_keeps_its_address() {
     page.key(" ");
     page.until("document.getElementById('play').getAttribute('aria-pressed') == 'true'");
     page.until("document.getElementById('stage').dataset.frame == 11");
+    // Stopped and begun again in the midst of frames: it plays on, once, a frame each 100 ms.
+    let n_turns = page.number(
+        "(async () => {
+           const pause = (ms) => new Promise((over) => setTimeout(over, ms));
+           const [play, stage] = ['play', 'stage'].map((id) => document.getElementById(id));
+           for (let i = 0; i < 20; i++) { play.click(); play.click(); await pause(13); }
+           let turns = 0;
+           new MutationObserver(() => turns++).observe(stage, {attributeFilter: ['data-frame']});
+           await pause(1500);
+           return turns;
+         })()",
+    );
+    assert!((1.0..=16.0).contains(&n_turns), "{n_turns} frames in 1.5 s");
     page.is_well();
 }

@@ -160,23 +160,33 @@ fn markdown(results: &Results) -> String {
         Outcome::Unknown => "❔ Afterimage: could not tell",
         Outcome::Regression => "❌ Afterimage: regression",
     };
-    let (bad, other): (Vec<&Check>, Vec<&Check>) = results
-        .checks
-        .iter()
-        .partition(|check| check.outcome == Outcome::Regression);
+    let of = |outcome| -> Vec<&Check> {
+        let checks = results.checks.iter();
+        checks.filter(|check| check.outcome == outcome).collect()
+    };
     let mut text = format!("### {title}\n\n");
+    let bad = of(Outcome::Regression);
     if !bad.is_empty() {
         text += &rows(results, &bad);
         text.push('\n');
         text += &pictures(results, &bad);
     }
-    if !other.is_empty() {
-        let _ = write!(
-            text,
-            "<details><summary>{} other checks</summary>\n\n{}\n</details>\n\n",
-            other.len(),
-            rows(results, &other)
-        );
+    for (outcome, words) in [(Outcome::Unknown, "could not be told"), (Outcome::Ok, "good")] {
+        let checks = of(outcome);
+        if !checks.is_empty() {
+            // What the title speaks of is not hidden.
+            let open = if outcome == results.outcome && outcome != Outcome::Ok {
+                " open"
+            } else {
+                ""
+            };
+            let _ = write!(
+                text,
+                "<details{open}><summary>{}: {words}</summary>\n\n{}\n</details>\n\n",
+                checks.len(),
+                rows(results, &checks)
+            );
+        }
     }
     text
 }
@@ -296,6 +306,18 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("http://h/api/v1/reports/5/frames/7/error.png"), "{text}");
-        assert!(text.contains("1 other checks"), "{text}");
+        assert!(
+            text.contains("<details><summary>1: could not be told</summary>"),
+            "{text}"
+        );
+
+        let told = markdown(&Results {
+            outcome: Outcome::Unknown,
+            ..results()
+        });
+        assert!(
+            told.contains("<details open><summary>1: could not be told</summary>"),
+            "{told}"
+        );
     }
 }

@@ -201,22 +201,19 @@ async function nextWorst(by) {
   if (order.length) show(after(1), [after(2)]);
 }
 
-let playing = 0;
-function play() {
-  if (playing) {
-    clearTimeout(playing);
-    playing = 0;
-  } else {
-    const turn = async () => {
-      const began = performance.now();
-      const after = (n) => (state.frame + n) % (last + 1);
-      await show(after(1), [2, 3, 4].map(after));
-      if (playing) playing = setTimeout(turn, Math.max(0, PLAY - (performance.now() - began)));
-    };
-    playing = setTimeout(turn, 0);
+// Whoever plays: a turn that was waiting when another began must not go on beside it.
+let player = null;
+async function play() {
+  const self = player ? null : {};
+  player = self;
+  byId("play").textContent = self ? "Pause" : "Play";
+  byId("play").setAttribute("aria-pressed", self !== null);
+  while (self && player === self) {
+    const began = performance.now();
+    const after = (n) => (state.frame + n) % (last + 1);
+    await show(after(1), [2, 3, 4].map(after));
+    await new Promise((next) => setTimeout(next, Math.max(0, PLAY - (performance.now() - began))));
   }
-  byId("play").textContent = playing ? "Pause" : "Play";
-  byId("play").setAttribute("aria-pressed", playing !== 0);
 }
 
 setInterval(() => {
