@@ -320,6 +320,9 @@ impl Worker {
             Err(RunError::Internal(_)) => (FailureKind::Internal, "internal"),
         };
         let message = outcome.err().map(|error| error.to_string()).unwrap_or_default();
+        // Where the service keeps a sequence is nobody's business.
+        let folder = format!("{}/", self.folder.sequence(&claim.sequence_hash).display());
+        let message = message.replace(&folder, "");
         tracing::warn!(job = claim.job_id, attempt = claim.attempt, ?kind, %message, "job failed");
         let failure = Failure {
             kind,

@@ -10,6 +10,8 @@ POST has an idempotency key, so that it is done once however often it is sent. I
 
 from __future__ import annotations
 
+import hashlib
+import http.client
 import json
 import sys
 import time
@@ -908,6 +910,8 @@ class Point(TypedDict):
     job_id: Union[int, None]
     #: Version of the metric; only equal ones compare. 0 for times.
     metric_version: int
+    #: The commit before, as the submitter gave it.
+    parent: Union[str, None]
     #: The report it stands for.
     report_id: int
     #: The value.
@@ -1092,7 +1096,7 @@ class RecipeListing(TypedDict):
     publication: str
 
 #: A stored report without its frames.
-Report = TypedDict('Report', {'adapter': "AdapterInfo", 'branch': Union[str, None], 'clocks': str, 'commit': Union[str, None], 'complete': bool, 'created_at': "Timestamp", 'engine_version': Union[str, None], 'environment_id': int, 'from': Union["Departure", None], 'gpu_time_ms': Union[float, None], 'history': Union["Precision", None], 'id': int, 'job_id': Union[int, None], 'kind': "SystemKind", 'label': Union[str, None], 'labels': Dict[str, str], 'metric_versions': Dict[str, int], 'notes': List[str], 'os': str, 'overrides': Dict[str, Any], 'parameters': Any, 'parent': Union[str, None], 'preset': str, 'preset_index': int, 'project': str, 'pull_request': Union[str, None], 'revision': str, 'sequence_hash': Union[str, None], 'sequence_name': str, 'series_id': int, 'skip': Union["Skip", None], 'stages_ms': Dict[str, float], 'summary': Dict[str, "Summary"], 'times_ms': Dict[str, "TimeSummary"], 'validation': Union["Validation", None], 'values': Dict[str, "Value"]})
+Report = TypedDict('Report', {'adapter': "AdapterInfo", 'branch': Union[str, None], 'clocks': str, 'commit': Union[str, None], 'complete': bool, 'created_at': "Timestamp", 'engine_version': Union[str, None], 'environment_id': int, 'from': Union["Departure", None], 'gpu_time_ms': Union[float, None], 'history': Union["Precision", None], 'id': int, 'job_id': Union[int, None], 'kind': "SystemKind", 'label': Union[str, None], 'labels': Dict[str, str], 'metric_versions': Dict[str, int], 'n_frames': Union[int, None], 'notes': List[str], 'os': str, 'overrides': Dict[str, Any], 'parameters': Any, 'parent': Union[str, None], 'preset': str, 'preset_index': int, 'project': str, 'pull_request': Union[str, None], 'revision': str, 'sequence_hash': Union[str, None], 'sequence_name': str, 'series_id': int, 'skip': Union["Skip", None], 'stages_ms': Dict[str, float], 'summary': Dict[str, "Summary"], 'times_ms': Dict[str, "TimeSummary"], 'validation': Union["Validation", None], 'values': Dict[str, "Value"]})
 
 class ReportPage(TypedDict):
     """A page of reports."""
@@ -1226,6 +1230,8 @@ class Series(TypedDict):
     history: Union["Precision", None]
     #: Whether it ran here or elsewhere.
     kind: "SystemKind"
+    #: Over how many frames, from the first; none for all of them.
+    n_frames: Union[int, None]
     #: Operating system and its version, such as `debian 12`; empty where unknown.
     os: str
     #: The parameters that the submitter changed.
@@ -1421,6 +1427,8 @@ class Trend(TypedDict):
     history: Union["Precision", None]
     #: Whether it ran here or elsewhere.
     kind: "SystemKind"
+    #: Over how many frames, from the first; none for all of them.
+    n_frames: Union[int, None]
     #: Operating system and its version, such as `debian 12`; empty where unknown.
     os: str
     #: The parameters that the submitter changed.
@@ -1683,26 +1691,66 @@ class Client:
         return self._send(urllib.request.Request(url, data=data, headers=sent, method=method))
 
     def _send(self, request: urllib.request.Request) -> Any:
+        # A file is sent again from where it stood, or not at all.
+        file: Any = request.data if hasattr(request.data, "read") else None
+        attempts = 1 if file and not file.seekable() else self.attempts
+        start = file.tell() if file and file.seekable() else 0
         wait = 0.5
-        for attempt in range(1, self.attempts + 1):
+        for attempt in range(1, attempts + 1):
+            if attempt > 1 and file:
+                file.seek(start)
             try:
                 with urllib.request.urlopen(request, timeout=self.timeout) as answer:
                     content = answer.read()
+                    if request.method == "HEAD":
+                        offset = answer.headers.get("Upload-Offset")
+                        return None if offset is None else int(offset)
                     if "json" in answer.headers.get("Content-Type", ""):
                         return json.loads(content)
                     return content or None
             except urllib.error.HTTPError as error:
                 asked = error.headers.get("Retry-After")
                 again = error.code == 429 or error.code >= 500 or (error.code == 409 and asked)
-                if not again or attempt == self.attempts:
+                if not again or attempt == attempts:
                     content = error.read()
                     raise Problem(error.code, json.loads(content) if content[:1] == b"{" else {}) from None
-                time.sleep(min(float(asked), 60.0) if asked else wait)
-            except (urllib.error.URLError, ConnectionError, TimeoutError):
-                if attempt == self.attempts:
+                # Proxies may send a date instead of seconds.
+                time.sleep(min(float(asked), 60.0) if asked and asked.isdigit() else wait)
+            except (urllib.error.URLError, http.client.HTTPException, ConnectionError, TimeoutError):
+                if attempt == attempts:
                     raise
                 time.sleep(wait)
             wait *= 2
+
+    def upload_blob(self, content: bytes) -> str:
+        """Puts a blob, unless it is there, from where an earlier upload stopped; its SHA-256"""
+        sha256 = hashlib.sha256(content).hexdigest()
+        try:
+            offset = self.head_blob(sha256)
+            if offset is None:
+                return sha256
+        except Problem as problem:
+            if problem.status != 404:
+                raise
+            offset = 0
+        rest = content[offset:]
+        if offset and rest:
+            self.put_blob(sha256, rest, content_range=f"bytes {offset}-{len(content) - 1}/{len(content)}")
+        else:
+            self.put_blob(sha256, content)
+        return sha256
+
+    def wait_for_job(self, job: int, seconds: float = 3600.0) -> "JobWithReports":
+        """A job once it is `done`, `failed` or `cancelled`; `TimeoutError` if it is none of them after so many seconds"""
+        end, pause = time.monotonic() + seconds, 0.1
+        while True:
+            found = self.get_job(job)
+            if found["status"] in ("done", "failed", "cancelled"):
+                return found
+            if time.monotonic() + pause > end:
+                raise TimeoutError(f"job {job} is {found['status']} after {seconds} s")
+            time.sleep(pause)
+            pause = min(2.0, 1.5 * pause)
 
     def get_adapter(self) -> "AdapterInfo":
         """The adapter that runs jobs"""
@@ -1815,11 +1863,12 @@ class Client:
         answer: bytes = self._request('GET', f"/bench/{urllib.parse.quote(str(job), safe='')}/points.csv", {'metric': metric}, {}, None)
         return answer
 
-    def head_blob(self, sha256: str) -> None:
+    def head_blob(self, sha256: str) -> Optional[int]:
         """Whether a file is here, or how much of it
 
         sha256: SHA-256 of the content in hexadecimal."""
-        self._request('HEAD', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {}, None)
+        answer: Optional[int] = self._request('HEAD', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {}, None)
+        return answer
 
     def put_blob(self, sha256: str, body: bytes, *, content_range: Optional[str] = None) -> Union["Blob", None]:
         """Send a file, or the rest of it

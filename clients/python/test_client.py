@@ -54,7 +54,14 @@ class ClientTest(unittest.TestCase):
         blob = self.client.put_blob(digest, content)
         assert blob is not None
         self.assertEqual(blob["n_bytes"], len(content))
-        self.client.head_blob(digest)
+        self.assertIsNone(self.client.head_blob(digest))
+        large = bytes(range(256)) * 64
+        digest = hashlib.sha256(large).hexdigest()
+        self.client.put_blob(digest, large[:1000], content_range=f"bytes 0-999/{len(large)}")
+        self.assertEqual(self.client.head_blob(digest), 1000)
+        self.assertEqual(self.client.upload_blob(large), digest)
+        self.assertEqual(self.client.upload_blob(large), digest)
+        self.assertIsNone(self.client.head_blob(digest))
         for commit in range(5):
             self.client.create_report({"sequence": "pages", "system": "e", "values": {"psnr": 1}, "commit": "from-python"})
         walked = [report["id"] for report in self.client.iterate_reports(sequence="pages", limit=2)]

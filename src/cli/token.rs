@@ -62,8 +62,20 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
 
 async fn act(arguments: &Arguments) -> anyhow::Result<bool> {
     let data = &arguments.data;
-    std::fs::create_dir_all(data).with_context(|| format!("--data {}", data.display()))?;
-    let store = Store::open(&data.join("afterimage.sqlite")).await?;
+    let database = data.join("afterimage.sqlite");
+    match arguments.action {
+        Action::Create { .. } => {
+            std::fs::create_dir_all(data).with_context(|| format!("--data {}", data.display()))?;
+        }
+        Action::List | Action::Revoke { .. } => {
+            anyhow::ensure!(
+                database.is_file(),
+                "--data {}: no service has its data there",
+                data.display()
+            );
+        }
+    }
+    let store = Store::open(&database).await?;
     let now = Timestamp::now();
     match &arguments.action {
         Action::Create {

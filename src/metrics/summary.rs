@@ -1,6 +1,6 @@
 //! A sequence's values condensed. Frames that cannot be averaged are counted, never dropped in silence.
 
-use super::{Metric, Value, quantity::Quantity, temporal::Change};
+use super::{Better, Metric, Value, quantity::Quantity, temporal::Change};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +33,18 @@ impl Summary {
         match id.parse() {
             Ok(metric) => Self::new(metric, values),
             Err(_) => Self::condense(values, mean, |_| None),
+        }
+    }
+
+    /// The number that stands for the sequence where results are judged: the mean, unless a frame is as bad as can be. Not a
+    /// number where any frame is none; the infinity on the worse side where any frame is there.
+    pub fn headline(&self, better: Option<Better>) -> Value {
+        let is_below = self.min.0 == f64::NEG_INFINITY;
+        match better {
+            _ if self.nan > 0 => Value(f64::NAN),
+            Some(Better::Higher) if is_below => self.min,
+            Some(Better::Lower) if self.infinite > 0 && !is_below => Value(f64::INFINITY),
+            _ => self.mean,
         }
     }
 
@@ -103,6 +115,22 @@ mod tests {
         assert!((summary.mean.0 - 0.5).abs() < 1e-15);
         assert_eq!((summary.min, summary.pooled), (Value(0.2), None));
         assert!((summary.p5.0 - 0.23).abs() < 1e-15, "{:?}", summary.p5);
+    }
+
+    #[test]
+    fn one_frame_as_bad_as_can_be_is_the_headline() {
+        let headline = |metric, values: &[f64], better| summary(metric, values).headline(Some(better)).0;
+        assert!(headline(Metric::PSNR, &[34.0, f64::NAN, 34.0], Better::Higher).is_nan());
+        assert_eq!(
+            headline(Metric::SNR, &[34.0, f64::NEG_INFINITY], Better::Higher),
+            f64::NEG_INFINITY
+        );
+        assert_eq!(
+            headline(Metric::MSE, &[0.5, f64::INFINITY], Better::Lower),
+            f64::INFINITY
+        );
+        assert_eq!(headline(Metric::PSNR, &[34.0, f64::INFINITY], Better::Higher), 34.0);
+        assert_eq!(headline(Metric::MSE, &[0.5, 0.0], Better::Lower), 0.25);
     }
 
     #[test]

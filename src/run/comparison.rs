@@ -3,7 +3,7 @@
 
 use super::{
     Observer, RunError,
-    report::{AdapterInfo, FrameReport, PresetReport, Report, SequenceInfo},
+    report::{AdapterInfo, FrameReport, PresetReport, Report, SequenceInfo, note_of_broken},
     scoring::{offset_note, summaries},
     times::{milliseconds_since, timed},
 };
@@ -148,6 +148,7 @@ impl<'a> Scorer<'a> {
         for late in self.track.finish() {
             frames[late.frame].metrics.insert(late.id.to_owned(), late.value);
         }
-        (frames, self.offset.into_iter().collect())
+        let notes = self.offset.into_iter().chain(note_of_broken(&frames)).collect();
+        (frames, notes)
     }
 }

@@ -41,6 +41,14 @@ impl Report {
     }
 }
 
+/// Tells of frames whose metrics are no numbers.
+pub(super) fn note_of_broken(frames: &[FrameReport]) -> Option<String> {
+    let n_broken = frames.iter().filter(|frame| frame.non_finite_pixels > 0).count();
+    let of = frames.len();
+    (n_broken > 0)
+        .then(|| format!("{n_broken} of {of} frames have pixels that are not finite: their metrics are no numbers"))
+}
+
 /// The sequence a report speaks of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SequenceInfo {

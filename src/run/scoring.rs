@@ -4,7 +4,7 @@
 use super::{
     Observer, RunError, Trace, Until,
     plan::Plan,
-    report::{FrameReport, PresetReport, Report, SequenceInfo, Skipped, TimeSummary},
+    report::{FrameReport, PresetReport, Report, SequenceInfo, Skipped, TimeSummary, note_of_broken},
     times::{summary, timed},
 };
 use crate::{
@@ -382,15 +382,17 @@ impl<'a> Scorer<'a> {
                     let times_ms: BTreeMap<_, TimeSummary> = times_ms;
                     let skipped = gathered.skipped(sequence.output_size(), &times_ms);
                     let saved = skipped.as_ref().map(Skipped::note);
+                    let offset = gathered.offset.clone();
+                    let frames = gathered.finish();
                     let notes = system
                         .notes
                         .iter()
-                        .chain(&gathered.offset)
+                        .chain(&offset)
                         .chain(&saved)
                         .chain(&ended)
                         .cloned()
+                        .chain(note_of_broken(&frames))
                         .collect();
-                    let frames = gathered.finish();
                     PresetReport {
                         preset: system.preset.clone(),
                         parameters: system.recipe.to_json(),

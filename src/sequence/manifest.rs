@@ -344,8 +344,15 @@ fn with_item(channel: &str, item: usize) -> String {
 /// known ones after it; there is no other way to the list.
 fn describe(error: &serde_path_to_error::Error<serde_json::Error>) -> ManifestError {
     let message = error.inner().to_string();
-    let path = error.path().to_string();
     let mut quoted = message.split('`').skip(1).step_by(2);
+    // At the top level the path is ".", and a field that is missing there is named by the message alone.
+    let path = match error.path().to_string() {
+        path if path != "." => path,
+        path => match message.strip_prefix("missing field `").and(quoted.clone().next()) {
+            Some(field) => field.to_owned(),
+            None => path,
+        },
+    };
     let unknown_field = message.starts_with("unknown field");
     if !unknown_field && !message.starts_with("unknown variant") {
         return ManifestError::field(path, message);

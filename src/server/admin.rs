@@ -1,6 +1,6 @@
 //! Tokens and webhooks. Tokens are made on the command line only, by whoever may read the data folder.
 
-use super::{ApiError, ApiPath, Shared, extract::ApiJson, origin::check_name, webhooks::Target};
+use super::{ApiError, ApiPath, Shared, blocking, extract::ApiJson, origin::check_name, webhooks::Target};
 use crate::store::{DEFAULT_PROJECT, DeliveryStatus, Timestamp, Token, Webhook, random_secret};
 use axum::{
     Json,
@@ -80,9 +80,8 @@ pub async fn create_webhook(
     let allows_private = service.config.private_webhooks;
     let url = request.url.clone();
     // Resolving a name may take a while.
-    tokio::task::spawn_blocking(move || Target::parse(&url, allows_private).and_then(|target| target.addresses()))
-        .await
-        .map_err(ApiError::internal)?
+    blocking(move || Target::parse(&url, allows_private).and_then(|target| target.addresses()))
+        .await?
         .map_err(|error| ApiError::invalid("invalid_url", error.to_string()).field("url"))?;
     let secret = random_secret("whs_")?;
     let webhook = service

@@ -39,14 +39,13 @@ pub async fn post(
     let sequence = sequences::named_in_body(&service, &request.sequence).await?;
     let folder = service.folder.sequence(&sequence.hash);
     let checked = Arc::clone(&service);
-    let spec = tokio::task::spawn_blocking(move || {
+    let spec = super::blocking(move || {
         // The manifest was valid when it was put; that it no longer is can only be our fault.
         let sequence = Sequence::open(&folder, &checked.reader).map_err(ApiError::internal)?;
         bench::validate(&request.bench, &sequence)?;
         Ok::<_, ApiError>(request.bench)
     })
-    .await
-    .map_err(ApiError::internal)??;
+    .await??;
     let job = NewJob {
         sequence_id: Some(sequence.id),
         spec: JobSpec::bench(spec),

@@ -107,7 +107,7 @@ pub async fn put(
     Ok((StatusCode::CREATED, Json(Blob { sha256: hash, n_bytes })).into_response())
 }
 
-/// `bytes FIRST-LAST/TOTAL`.
+/// `bytes FIRST-LAST/TOTAL`; `bytes */TOTAL` where all of them were sent before.
 struct Range {
     first: u64,
     total: u64,
@@ -117,12 +117,17 @@ impl Range {
     fn parse(value: &HeaderValue, max_bytes: u64) -> Result<Self, ApiError> {
         let parse = || {
             let (range, total) = value.to_str().ok()?.strip_prefix("bytes ")?.split_once('/')?;
+            if range == "*" {
+                let total = total.parse().ok()?;
+                return Some(Self { first: total, total });
+            }
             let (first, last) = range.split_once('-')?;
             let (first, last, total): (u64, u64, u64) = (first.parse().ok()?, last.parse().ok()?, total.parse().ok()?);
             (first <= last && last < total).then_some(Self { first, total })
         };
         let range = parse().ok_or_else(|| {
-            let detail = "`content-range` must be `bytes FIRST-LAST/TOTAL`";
+            let detail =
+                "`content-range` must be `bytes FIRST-LAST/TOTAL`, or `bytes */TOTAL` where nothing is left to send";
             ApiError::new(StatusCode::BAD_REQUEST, "bad_range", detail).field("content-range")
         })?;
         match range.total <= max_bytes {

@@ -147,6 +147,7 @@ impl From<StoreError> for ApiError {
         match error {
             StoreError::Busy => Self::busy(error.to_string(), Duration::from_secs(1)),
             StoreError::NoReport(_) => Self::not_found(error.to_string()),
+            StoreError::NoFrames(_) => Self::invalid("no_numbers", error.to_string()),
             StoreError::Closed(_) => Self::new(StatusCode::CONFLICT, "report_complete", error.to_string()),
             other => Self::internal(other),
         }

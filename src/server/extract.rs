@@ -3,7 +3,7 @@
 use super::{ApiError, error::named_field};
 use axum::{
     body::Bytes,
-    extract::{FromRequest, FromRequestParts, Path, Query, Request, rejection::BytesRejection},
+    extract::{FromRequest, FromRequestParts, OriginalUri, Path, Query, Request, rejection::BytesRejection},
     http::{StatusCode, header, request::Parts},
 };
 use serde::de::DeserializeOwned;
@@ -45,7 +45,8 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for ApiJson<T> {
     }
 }
 
-fn body_error(rejection: BytesRejection) -> ApiError {
+/// A body that is too long or broke off.
+pub fn body_error(rejection: BytesRejection) -> ApiError {
     match rejection.status() {
         StatusCode::PAYLOAD_TOO_LARGE => ApiError::body_too_large(),
         status => ApiError::new(status, "bad_body", rejection.body_text()),
@@ -96,7 +97,11 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for ApiPath
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
         match Path::from_request_parts(parts, state).await {
             Ok(Path(value)) => Ok(Self(value)),
-            Err(_) => Err(ApiError::not_found(format!("there is nothing at {}", parts.uri.path()))),
+            Err(_) => {
+                let nested = parts.extensions.get::<OriginalUri>();
+                let uri = nested.map_or(&parts.uri, |OriginalUri(uri)| uri);
+                Err(ApiError::not_found(format!("there is nothing at {}", uri.path())))
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 //! and maps as they were measured.
 
 use super::{
-    ApiError, ApiPath, ApiQuery, Service, Shared,
+    ApiError, ApiPath, ApiQuery, Service, Shared, blocking,
     encoding::{Encoder, Encoding, respond},
     reports,
 };
@@ -122,7 +122,7 @@ pub async fn of_sequence(
         };
         encoder.rgb(&image, source.display())
     })
-    .await?;
+    .await??;
     if !is_for_ever {
         let ask_again = HeaderValue::from_static("private, no-cache");
         response.headers_mut().insert(header::CACHE_CONTROL, ask_again);
@@ -180,12 +180,7 @@ pub async fn of_report(
             }
         }
     })
-    .await
-}
-
-/// Runs image work where it may block.
-async fn blocking(work: impl FnOnce() -> Result<Response, ApiError> + Send + 'static) -> Result<Response, ApiError> {
-    tokio::task::spawn_blocking(work).await.map_err(ApiError::internal)?
+    .await?
 }
 
 /// A stored sequence, opened for single frames.

@@ -1,19 +1,25 @@
 //! `Idempotency-Key`: a client that did not hear the answer sends the same request again, and it is done once. Answers of
-//! requests that succeeded are kept for a day, by token and key.
+//! requests that succeeded are kept for a day, by token and key: of posted results in the transaction that stores them, of
+//! others behind it.
 
-use super::{ApiError, Caller, Service};
-use crate::store::KeptAnswer;
+use super::{ApiError, Caller, Service, extract::body_error};
+use crate::store::{Keep, KeptAnswer};
 use axum::{
     body::{Body, Bytes, to_bytes},
-    extract::State,
-    http::{HeaderName, HeaderValue, Method, Request, StatusCode, header},
+    extract::{FromRequest as _, FromRequestParts, State},
+    http::{HeaderName, HeaderValue, Method, Request, StatusCode, header, request::Parts},
     middleware::Next,
     response::{IntoResponse as _, Response},
 };
+use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    convert::Infallible,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    },
     time::Duration,
 };
 
@@ -27,6 +33,55 @@ const MAX_ANSWER_BYTES: usize = 16 << 20;
 /// Requests with a key that are being done right now, by token and key, with the fingerprint of each.
 #[derive(Default)]
 pub struct InProgress(Mutex<HashMap<(i64, String), [u8; 32]>>);
+
+/// A request's key.
+struct Key {
+    token_id: i64,
+    key: String,
+    fingerprint: [u8; 32],
+    is_kept: AtomicBool,
+}
+
+/// The key of a request that has one, for handlers whose answer is known when their result is stored.
+pub struct Keyed(Option<Arc<Key>>);
+
+impl<S: Send + Sync> FromRequestParts<S> for Keyed {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(Self(parts.extensions.get().cloned()))
+    }
+}
+
+impl Keyed {
+    /// Keeps the answer with the result: status, location and body, by the numbers of the reports. Where it is not final yet,
+    /// what is answered in the end replaces it.
+    pub fn keep<T: Serialize>(
+        self,
+        is_final: bool,
+        answer: impl Fn(&[i64]) -> (StatusCode, Option<String>, T) + Send + Sync + 'static,
+    ) -> Option<Keep> {
+        let key = self.0?;
+        key.is_kept.store(is_final, Relaxed);
+        let fingerprint = key.fingerprint;
+        let answer = move |ids: &[i64]| {
+            let (status, location, body) = answer(ids);
+            let mut headers = vec![(header::CONTENT_TYPE.to_string(), "application/json".to_owned())];
+            headers.extend(location.map(|location| (header::LOCATION.to_string(), location)));
+            KeptAnswer {
+                fingerprint,
+                status: status.as_u16(),
+                headers,
+                body: serde_json::to_vec(&body).unwrap_or_default(),
+            }
+        };
+        Some(Keep {
+            token_id: key.token_id,
+            key: key.key.clone(),
+            answer: Box::new(answer),
+        })
+    }
+}
 
 /// Ends with the request, however that ends.
 struct Mark<'a> {
@@ -85,9 +140,9 @@ async fn keyed(service: &Service, caller: &Caller, request: Request<Body>, next:
         return Err(ApiError::new(StatusCode::BAD_REQUEST, "bad_idempotency_key", detail).field("idempotency-key"));
     }
     let (parts, body) = request.into_parts();
-    let body = to_bytes(body, service.config.max_json_kib * 1024)
+    let body = Bytes::from_request(Request::from_parts(parts.clone(), body), &())
         .await
-        .map_err(|_| ApiError::body_too_large())?;
+        .map_err(body_error)?;
     let fingerprint = fingerprint(&parts.uri.to_string(), &body);
     let key = (caller.token_id, key);
     let _mark = service.in_progress.begin(key.clone(), fingerprint)?;
@@ -97,9 +152,17 @@ async fn keyed(service: &Service, caller: &Caller, request: Request<Body>, next:
             false => Err(other_request()),
         };
     }
-    let response = next.run(Request::from_parts(parts, Body::from(body))).await;
-    if !response.status().is_success() {
-        // Nothing was done, so that a client may correct its request and keep the key.
+    let mut request = Request::from_parts(parts, Body::from(body));
+    let kept = Arc::new(Key {
+        token_id: key.0,
+        key: key.1.clone(),
+        fingerprint,
+        is_kept: AtomicBool::new(false),
+    });
+    request.extensions_mut().insert(Arc::clone(&kept));
+    let response = next.run(request).await;
+    // Where nothing was done, a client may correct its request and keep the key.
+    if !response.status().is_success() || kept.is_kept.load(Relaxed) {
         return Ok(response);
     }
     let (parts, body) = response.into_parts();

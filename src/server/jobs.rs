@@ -5,7 +5,7 @@ use super::{
     answers::LASTING_FROM_STORE,
     blobs,
     extract::ApiJson,
-    origin::{EnvironmentRequest, Origin, check_name, invalid, with_origin},
+    origin::{EnvironmentRequest, Origin, check_name, invalid, settings, with_origin},
     page::{self, Cursor},
     sequences,
 };
@@ -247,17 +247,18 @@ async fn validated(
     origin: Origin,
     stored: crate::store::Sequence,
 ) -> Result<NewJob, ApiError> {
-    request.check(stored.n_frames as usize)?;
+    let n_frames = stored.n_frames as usize;
+    request.check(n_frames)?;
     let (project, provenance) = origin.check()?;
     let outputs = match request.outputs {
         None => None,
-        Some(outputs) => Some(outputs.check(&service, stored.n_frames as usize)?),
+        Some(outputs) => Some(outputs.check(&service, request.frames.unwrap_or(n_frames))?),
     };
     let run = RunSpec {
         presets: request.presets.into_iter().map(|preset| preset.0).collect(),
         metrics: request.metrics,
         history: request.history,
-        n_frames: request.frames,
+        n_frames: request.frames.filter(|&frames| frames < n_frames),
         repeat: request.repeat,
         metrics_on: MetricsOn::Auto,
         validate: Validate::asked(request.validate, request.bisect),
@@ -268,7 +269,7 @@ async fn validated(
         check_preset(index, spec)?;
     }
     let is_comparison = outputs.is_some();
-    let run = tokio::task::spawn_blocking(move || {
+    let run = super::blocking(move || {
         // The manifest was valid when it was put; that it no longer is can only be our fault.
         let folder = service.folder.sequence(&stored.hash);
         let sequence = Sequence::open(&folder, &service.reader).map_err(ApiError::internal)?;
@@ -278,8 +279,7 @@ async fn validated(
         }
         Ok::<_, ApiError>(run)
     })
-    .await
-    .map_err(ApiError::internal)??;
+    .await??;
     Ok(NewJob {
         sequence_id: Some(stored.id),
         spec: JobSpec {
@@ -302,17 +302,19 @@ impl OutputsRequest {
         for (frame, hash) in self.images {
             let index = frame.parse::<usize>().ok().filter(|index| *index < n_frames);
             let Some(index) = index else {
-                let detail = format!("`{frame}` is no frame; the sequence has 0 to {}", n_frames - 1);
+                let detail = format!("`{frame}` is none of the frames 0 to {}", n_frames - 1);
                 return Err(invalid("outputs.images", detail));
             };
             blobs::check_hash(&hash)?;
             images.insert(index, hash);
         }
-        if images.keys().copied().ne(0..images.len()) || images.is_empty() {
-            return Err(invalid(
-                "outputs.images",
-                "give frames 0, 1, 2 and so on without gaps".to_owned(),
-            ));
+        if images.len() != n_frames {
+            let detail = format!(
+                "{} of the frames 0 to {} have no image; to compare the first frames alone, say how many in `frames`",
+                n_frames - images.len(),
+                n_frames - 1
+            );
+            return Err(invalid("outputs.images", detail));
         }
         let missing: Vec<String> = images
             .values()
@@ -330,7 +332,7 @@ impl OutputsRequest {
         }
         Ok(Outputs {
             system: self.system,
-            parameters: self.parameters,
+            parameters: settings(self.parameters),
             environment: self.environment.check()?,
             images,
         })

@@ -1,19 +1,17 @@
 //! `POST /verdicts`: reports held against rules. Also what follows from it: the rules are kept as the branch's, alerts are
 //! opened and resolved, webhooks are told.
 
-use super::{ApiError, Service, Shared, extract::ApiJson, tidying};
+use super::{ApiError, Service, Shared, blocking, extract::ApiJson, tidying};
 use crate::{
-    metrics::Value,
-    statistics::median,
-    store::{GPU_TIME, Report, ReportFilter, Timestamp, TrendFilter},
-    verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, overall, worst_frames},
+    store::{GPU_TIME, Point, Report, Timestamp, TrendFilter},
+    verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, of_repeats, overall, worst_frames},
 };
 use axum::{Json, extract::State};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, HashMap},
     sync::Arc,
 };
 
@@ -96,10 +94,7 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
         .map(Gathered::key)
         .collect();
     let judged = rules.clone();
-    let mut checks =
-        tokio::task::spawn_blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>())
-            .await
-            .map_err(ApiError::internal)?;
+    let mut checks = blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>()).await?;
     for reports in by_series.values() {
         let series = &reports[0].series;
         let (sequence, recipe) = (&series.sequence_name, &series.preset);
@@ -168,9 +163,12 @@ fn measured(reports: &[&Arc<Report>]) -> BTreeSet<String> {
     metrics.chain(times.map(|_| GPU_TIME.to_owned())).collect()
 }
 
-/// Whether a report was posted after this one, and not of the same commit, as repeats are.
-fn is_later(id: i64, commit: Option<&String>, report: &Report) -> bool {
-    id > report.id && (commit.is_none() || commit != report.provenance.commit.as_ref())
+/// Whether a history ends with a report, or with another of its commit.
+fn ends_with(history: &[Past], report: &Report) -> bool {
+    history.last().is_none_or(|newest| {
+        let commit = &report.provenance.commit;
+        newest.report_ids.contains(&report.id) || commit.is_some() && newest.commit == *commit
+    })
 }
 
 /// Whether any of the reports is of its line's newest commit on the branch, or of no branch.
@@ -179,26 +177,33 @@ async fn is_current(
     by_series: &BTreeMap<i64, Vec<&Arc<Report>>>,
     branch: &str,
 ) -> Result<bool, ApiError> {
-    if branch.is_empty() {
-        return Ok(true);
-    }
-    for (series_id, reports) in by_series {
-        let newest = ReportFilter {
-            series_id: Some(*series_id),
-            branch: Some(branch.to_owned()),
-            limit: 1,
-            ..ReportFilter::default()
+    for reports in by_series.values() {
+        let newest = reports[reports.len() - 1];
+        // Every report is in the history of each of its metrics.
+        let history = match measured(reports).first() {
+            Some(metric) if !branch.is_empty() => history(service, newest, branch, metric).await?,
+            _ => Vec::new(),
         };
-        let found = service.store.reports(&newest).await?;
-        let judged = reports[reports.len() - 1];
-        if !found
-            .iter()
-            .any(|newest| is_later(newest.id, newest.provenance.commit.as_ref(), judged))
-        {
+        if ends_with(&history, newest) {
             return Ok(true);
         }
     }
     Ok(false)
+}
+
+/// A line's results on a branch and its past, oldest first.
+async fn history(service: &Service, report: &Report, branch: &str, metric: &str) -> Result<Vec<Past>, ApiError> {
+    let (store, series) = (&service.store, &report.series);
+    let path = match branch {
+        "" => None,
+        branch => store.branch_path(&series.project, branch).await?,
+    };
+    let filter = TrendFilter {
+        path,
+        ..TrendFilter::newest(HISTORY)
+    };
+    let points = store.trend(series.id, metric, &filter).await?;
+    Ok(past(store.describe(&points).await?))
 }
 
 async fn gather(
@@ -210,10 +215,6 @@ async fn gather(
 ) -> Result<(), ApiError> {
     let (store, newest) = (&service.store, reports[reports.len() - 1]);
     let series = &newest.series;
-    let path = match branch {
-        "" => None,
-        branch => store.branch_path(&series.project, branch).await?,
-    };
     for metric in measured(reports) {
         let asked = rules.checks(&series.sequence_name, &series.preset, &metric);
         if asked == crate::verdict::Checks::default() {
@@ -227,37 +228,63 @@ async fn gather(
             true => 0,
             false => newest.metric_versions.get(&metric).copied().unwrap_or(0),
         };
-        let filter = TrendFilter {
-            path: path.clone(),
-            ..TrendFilter::newest(HISTORY)
-        };
-        let points = store.trend(series.id, &metric, &filter).await?;
-        let history = past(store.describe(&points).await?);
         gathered.push(Gathered {
             report: Arc::clone(newest),
             values: reports.iter().filter_map(value).collect(),
-            approved: store.approved(series.id, &metric, version).await?,
+            approved: store.approved(series.id, &metric, version, branch).await?,
+            history: history(service, newest, branch, &metric).await?,
             metric,
             version,
-            history,
         });
     }
     Ok(())
 }
 
-/// The history with the repeats of a commit taken together.
-pub(super) fn past(points: Vec<crate::store::Point>) -> Vec<Past> {
-    let alike = |a: &crate::store::Point, b: &crate::store::Point| {
-        a.commit.is_some() && a.commit == b.commit && a.metric_version == b.metric_version
-    };
-    points
-        .chunk_by(alike)
-        .map(|repeats| Past {
-            // The last of them: what is approved or dismissed by number then holds for all.
-            report_id: repeats[repeats.len() - 1].report_id,
-            commit: repeats[0].commit.clone(),
-            value: median(&repeats.iter().map(|point| point.value.0).collect::<Vec<_>>()),
-            version: repeats[0].metric_version,
+/// The history with the measurements of a commit taken together where it was measured first, and each commit behind its parent,
+/// whenever they were posted.
+pub(super) fn past(points: Vec<Point>) -> Vec<Past> {
+    let mut commits: Vec<Vec<Point>> = Vec::new();
+    let mut places: HashMap<(String, u32), usize> = HashMap::new();
+    for point in points {
+        let key = point.commit.clone().map(|commit| (commit, point.metric_version));
+        match key.as_ref().and_then(|key| places.get(key)) {
+            Some(&place) => commits[place].push(point),
+            None => {
+                places.extend(key.map(|key| (key, commits.len())));
+                commits.push(vec![point]);
+            }
+        }
+    }
+    let parents: Vec<Option<usize>> = commits
+        .iter()
+        .map(|repeats| {
+            let parent = repeats.iter().find_map(|point| point.parent.clone())?;
+            places.get(&(parent, repeats[0].metric_version)).copied()
+        })
+        .collect();
+    let mut order = Vec::with_capacity(commits.len());
+    let mut is_placed = vec![false; commits.len()];
+    for first in 0..commits.len() {
+        // Its ancestors that are not placed yet go first. Who is its own ancestor is nobody's.
+        let mut waiting = Vec::new();
+        let mut next = Some(first);
+        while let Some(place) = next.filter(|&place| !is_placed[place]) {
+            is_placed[place] = true;
+            waiting.push(place);
+            next = parents[place];
+        }
+        order.extend(waiting.into_iter().rev());
+    }
+    order
+        .into_iter()
+        .map(|place| {
+            let repeats = &commits[place];
+            Past {
+                report_ids: repeats.iter().map(|point| point.report_id).collect(),
+                commit: repeats[0].commit.clone(),
+                value: of_repeats(&repeats.iter().map(|point| point.value.0).collect::<Vec<_>>()),
+                version: repeats[0].metric_version,
+            }
         })
         .collect()
 }
@@ -268,8 +295,7 @@ impl Gathered {
     }
 
     fn is_superseded(&self) -> bool {
-        let newest = self.history.last();
-        newest.is_some_and(|newest| is_later(newest.report_id, newest.commit.as_ref(), &self.report))
+        !ends_with(&self.history, &self.report)
     }
 
     fn judge(&self, rules: &Rules) -> Vec<Check> {
@@ -280,6 +306,7 @@ impl Gathered {
             metric: &self.metric,
             values: &self.values,
             version: self.version,
+            report_id: Some(self.report.id),
             history: &self.history,
             approved: &self.approved,
         })
@@ -312,17 +339,12 @@ async fn announce(
         .iter()
         .filter(|check| check.outcome == Outcome::Regression)
         .collect();
-    let values: BTreeMap<String, Value> = failed
-        .iter()
-        .filter_map(|check| Some((check.metric.clone(), check.finding.value?)))
-        .collect();
     let payload = json!({
         "project": project,
         "branch": branch,
         "commit": reports.last().and_then(|report| report.provenance.commit.clone()),
         "outcome": judgement.outcome,
         "regressions": failed,
-        "values": values,
         "alerts": judgement.alerts,
         "reports": reports.iter().map(|report| report.id).collect::<Vec<_>>(),
     });
@@ -335,4 +357,65 @@ async fn announce(
         service.deliver.notify_one();
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::Value;
+
+    /// Commits and values of what was posted: commit, its parent, and the value.
+    fn order(posted: &[(&str, &str, f64)]) -> Vec<(String, f64)> {
+        let text = |text: &str| Some(text.to_owned()).filter(|text| !text.is_empty());
+        let points = posted
+            .iter()
+            .zip(1..)
+            .map(|(&(commit, parent, value), report_id)| Point {
+                report_id,
+                job_id: None,
+                branch: None,
+                commit: text(commit),
+                parent: text(parent),
+                created_at: Timestamp(report_id),
+                value: Value(value),
+                metric_version: 1,
+            });
+        let name = |past: Past| (past.commit.unwrap_or_default(), past.value);
+        past(points.collect()).into_iter().map(name).collect()
+    }
+
+    fn commits(posted: &[(&str, &str, f64)]) -> String {
+        order(posted).into_iter().map(|(commit, _)| commit).collect()
+    }
+
+    #[test]
+    fn a_commit_that_is_measured_again_stays_where_it_was() {
+        let found = order(&[
+            ("a", "", 1.0),
+            ("b", "", 2.0),
+            ("c", "", 3.0),
+            ("b", "", 4.0),
+            ("", "", 9.0),
+        ]);
+        let names = ["a", "b", "c", ""].map(str::to_owned);
+        assert_eq!(found, names.into_iter().zip([1.0, 3.0, 3.0, 9.0]).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn commits_go_behind_their_parents() {
+        assert_eq!(
+            commits(&[("c", "b", 0.0), ("d", "c", 0.0), ("b", "a", 0.0), ("a", "x", 0.0)]),
+            "abcd"
+        );
+        assert_eq!(
+            commits(&[("a", "", 0.0), ("c", "", 0.0), ("b", "", 0.0)]),
+            "acb",
+            "as posted"
+        );
+        assert_eq!(
+            commits(&[("a", "c", 0.0), ("b", "a", 0.0), ("c", "b", 0.0)]).len(),
+            3,
+            "a circle"
+        );
+    }
 }

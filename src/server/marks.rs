@@ -2,14 +2,18 @@
 //! changes of level are found as verdicts find them.
 
 use super::{
-    ApiError, ApiPath, ApiQuery, Service, Shared,
+    ApiError, ApiPath, ApiQuery, Service, Shared, blocking,
     judging::{HISTORY, past},
     reports::{check_metric, find_series},
 };
 use crate::{
     metrics::{Better, Value},
+    statistics::median,
     store::{Series, Timestamp, TrendFilter},
-    verdict::{Approved, Checks, Past, Tolerance, better, change::change_points},
+    verdict::{
+        Approved, Checks, Past, Tolerance, better,
+        change::{ChangePoint, change_points, place},
+    },
 };
 use axum::{Json, extract::State};
 use schemars::JsonSchema;
@@ -104,7 +108,9 @@ pub async fn of(service: &Service, series: &Series, metric: &str, branch: Option
     let version = newest.map_or(0, |point| point.metric_version);
     let times: HashMap<i64, Timestamp> = points.iter().map(|point| (point.report_id, point.created_at)).collect();
     let checks = checks(service, series, metric, branch.as_deref()).await?;
-    let approved = store.approved(series.id, metric, version).await?;
+    let approved = store
+        .approved(series.id, metric, version, branch.as_deref().unwrap_or_default())
+        .await?;
     let history: Vec<Past> = past(points)
         .into_iter()
         .filter(|past| past.version == version)
@@ -114,23 +120,23 @@ pub async fn of(service: &Service, series: &Series, metric: &str, branch: Option
         .and_then(|checks| checks.better)
         .or_else(|| better(metric));
     let rule = checks.as_ref().and_then(|checks| checks.change).unwrap_or_default();
-    let mut changes = tokio::task::spawn_blocking(move || {
+    let mut changes = blocking(move || {
         let history = &history[history.len().saturating_sub(rule.window)..];
         let values: Vec<f64> = history.iter().map(|past| past.value).collect();
-        let found = change_points(&values, &rule);
-        let change = |point: &crate::verdict::change::ChangePoint| Change {
-            report_id: history[point.index].report_id,
+        let found = change_points(&place(&values, better, &rule), &rule);
+        let start = |position: usize| found.get(position).map_or(values.len(), |point| point.index);
+        let change = |(position, point): (usize, &ChangePoint)| Change {
+            report_id: history[point.index].report_id(),
             commit: history[point.index].commit.clone(),
             created_at: Timestamp(0),
-            before: Value(point.before),
-            after: Value(point.after),
+            before: Value(median(&values[position.checked_sub(1).map_or(0, start)..point.index])),
+            after: Value(median(&values[point.index..start(position + 1)])),
             p: point.p,
             worse: better.map(|better| (better == Better::Higher) == (point.after < point.before)),
         };
-        found.iter().map(change).collect::<Vec<_>>()
+        found.iter().enumerate().map(change).collect::<Vec<_>>()
     })
-    .await
-    .map_err(ApiError::internal)?;
+    .await?;
     for change in &mut changes {
         change.created_at = times.get(&change.report_id).copied().unwrap_or(change.created_at);
     }
@@ -160,7 +166,12 @@ async fn checks(
 }
 
 fn baseline(approved: &Approved, tolerance: Option<Tolerance>, better: Option<Better>) -> Option<Baseline> {
-    let values = &approved.values;
+    let values: Vec<f64> = approved
+        .values
+        .iter()
+        .copied()
+        .filter(|value| !value.is_nan())
+        .collect();
     if values.is_empty() {
         return None;
     }

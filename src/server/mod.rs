@@ -56,11 +56,11 @@ use crate::{
 };
 use axum::{
     Router,
-    extract::DefaultBodyLimit,
+    extract::{DefaultBodyLimit, OriginalUri},
     http::{HeaderValue, Request, StatusCode, header},
     middleware::{self, Next},
     response::Response,
-    routing::get,
+    routing::{any, get},
 };
 use serde_json::Value;
 use std::{
@@ -328,6 +328,14 @@ impl Running {
     }
 }
 
+/// Runs what takes long where it may block; its lines of the log are the request's.
+async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, ApiError> {
+    let span = tracing::Span::current();
+    tokio::task::spawn_blocking(move || span.in_scope(work))
+        .await
+        .map_err(ApiError::internal)
+}
+
 /// Every route, which scope each needs, and the OpenAPI document.
 fn api() -> (Router<Arc<Service>>, Scopes, Value) {
     let api = routes::results(routes::sequences(routes::catalog(Api::new())));
@@ -349,6 +357,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .layer(middleware::from_fn_with_state(with(), conditional::tag));
     Router::new()
         .nest(BASE, api)
+        .route(&format!("{BASE}/"), any(unknown_path))
         .route("/metrics", get(observe::metrics))
         .route("/healthz", get(observe::alive))
         .route("/readyz", get(observe::ready))
@@ -386,8 +395,8 @@ async fn known_encoding(request: Request<axum::body::Body>, next: Next) -> Resul
     Err(refused.field("content-encoding"))
 }
 
-async fn unknown_path(request: Request<axum::body::Body>) -> ApiError {
-    ApiError::not_found(format!("there is nothing at {}", request.uri().path()))
+async fn unknown_path(OriginalUri(uri): OriginalUri) -> ApiError {
+    ApiError::not_found(format!("there is nothing at {}", uri.path()))
 }
 
 async fn wrong_method(request: Request<axum::body::Body>) -> ApiError {

@@ -8,6 +8,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::Deserialize;
+use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
 /// What a text field may hold, in bytes.
@@ -174,6 +175,26 @@ pub fn check_name(field: &str, name: &str) -> Result<(), ApiError> {
     }
 }
 
+/// Settings with whole numbers written as such: 1 and 1.0 are one setting, whatever wrote them.
+pub fn settings(parameters: Map<String, Value>) -> Map<String, Value> {
+    let plain = |(name, value)| (name, plain_number(value));
+    parameters.into_iter().map(plain).collect()
+}
+
+fn plain_number(value: Value) -> Value {
+    /// Up to here every whole number has a float of its own.
+    const MAX: f64 = (1_i64 << 53) as f64;
+    match value {
+        Value::Array(values) => values.into_iter().map(plain_number).collect(),
+        Value::Object(values) => Value::Object(settings(values)),
+        Value::Number(number) => match number.as_f64() {
+            Some(float) if number.is_f64() && float.fract() == 0.0 && float.abs() <= MAX => Value::from(float as i64),
+            _ => Value::Number(number),
+        },
+        value => value,
+    }
+}
+
 /// What measured, as far as it is known.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -239,5 +260,21 @@ impl EnvironmentRequest {
             os: self.os,
             clocks: self.clocks,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn equal_numbers_are_one_setting() {
+        let plain = |value| plain_number(value).to_string();
+        assert_eq!(
+            plain(json!({"a": 1.0, "b": [-2.0, 0.5]})),
+            plain(json!({"a": 1, "b": [-2, 0.5]}))
+        );
+        assert_eq!(plain(json!([1e300, "1.0", null])), "[1e+300,\"1.0\",null]");
     }
 }

@@ -4,8 +4,9 @@
 use super::{
     ApiError, ApiPath, ApiQuery, Service, Shared,
     extract::ApiJson,
+    idempotency::Keyed,
     judging::{self, Judgement},
-    origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, is_name, is_plain, with_origin},
+    origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, is_name, is_plain, settings, with_origin},
 };
 use crate::{
     metrics::{Summary, Value},
@@ -215,7 +216,7 @@ impl ReportRequest {
         if self.open {
             metrics.clear();
         }
-        let parameters = serde_json::Value::Object(self.parameters);
+        let parameters = serde_json::Value::Object(settings(self.parameters));
         Ok(NewReport {
             job: None,
             project,
@@ -225,6 +226,7 @@ impl ReportRequest {
                 name: self.system,
                 history: None,
                 skip: None,
+                n_frames: None,
                 overrides: parameters.clone(),
                 parameters,
             },
@@ -245,6 +247,7 @@ impl ReportRequest {
 /// `POST /reports`
 pub async fn post(
     State(service): Shared,
+    key: Keyed,
     ApiJson(mut request): ApiJson<ReportRequest>,
 ) -> Result<impl IntoResponse, ApiError> {
     let rules = request.rules.take();
@@ -259,15 +262,24 @@ pub async fn post(
     }
     let complete = !request.open;
     let report = request.report(&service).await?;
-    let id = service.store.ingest().report(report).await?;
+    let address = |id: i64| format!("/api/v1/reports/{id}");
+    let keep = key.keep(rules.is_none(), move |ids| {
+        let id = ids[0];
+        let posted = Posted {
+            id,
+            complete,
+            judgement: None,
+        };
+        (StatusCode::CREATED, Some(address(id)), posted)
+    });
+    let id = service.store.ingest().keeping(keep).report(report).await?;
     let judgement = match rules {
         Some(rules) => Some(judging::judge(&service, &[id], rules).await?),
         None => None,
     };
-    let location = [(header::LOCATION, format!("/api/v1/reports/{id}"))];
     Ok((
         StatusCode::CREATED,
-        location,
+        [(header::LOCATION, address(id))],
         Json(Posted {
             id,
             complete,
@@ -298,6 +310,7 @@ pub struct FramesPosted {
 pub async fn post_frames(
     State(service): Shared,
     ApiPath(id): ApiPath<i64>,
+    key: Keyed,
     ApiJson(request): ApiJson<FramesRequest>,
 ) -> Result<Json<FramesPosted>, ApiError> {
     let frames = frames(request.frames)?;
@@ -305,7 +318,8 @@ pub async fn post_frames(
         return Err(invalid("frames", "give at least one frame".to_owned()));
     }
     let n_frames = frames.len();
-    service.store.ingest().frames(id, frames).await?;
+    let keep = key.keep(true, move |_| (StatusCode::OK, None, FramesPosted { id, n_frames }));
+    service.store.ingest().keeping(keep).frames(id, frames).await?;
     Ok(Json(FramesPosted { id, n_frames }))
 }
 
@@ -324,17 +338,27 @@ pub struct CloseRequest {
 pub async fn close(
     State(service): Shared,
     ApiPath(id): ApiPath<i64>,
+    key: Keyed,
     ApiJson(request): ApiJson<CloseRequest>,
 ) -> Result<Json<Posted>, ApiError> {
     if let Some(rules) = &request.rules {
         rules.validate().map_err(judging::rules_error)?;
     }
-    service.store.ingest().close(id, request.metric_versions).await?;
+    let complete = true;
+    let keep = key.keep(request.rules.is_none(), move |_| {
+        let posted = Posted {
+            id,
+            complete,
+            judgement: None,
+        };
+        (StatusCode::OK, None, posted)
+    });
+    let ingest = service.store.ingest().keeping(keep);
+    ingest.close(id, request.metric_versions).await?;
     let judgement = match request.rules {
         Some(rules) => Some(judging::judge(&service, &[id], rules).await?),
         None => None,
     };
-    let complete = true;
     Ok(Json(Posted {
         id,
         complete,
@@ -382,6 +406,7 @@ pub struct BencherQuery {
 pub async fn post_bencher(
     State(service): Shared,
     ApiQuery(query): ApiQuery<BencherQuery>,
+    key: Keyed,
     ApiJson(BencherRequest(benchmarks)): ApiJson<BencherRequest>,
 ) -> Result<impl IntoResponse, ApiError> {
     if benchmarks.is_empty() || benchmarks.len() > 1000 {
@@ -428,8 +453,8 @@ pub async fn post_bencher(
         };
         reports.push(request.report(&service).await?);
     }
-    let posts = reports.into_iter().map(|report| service.store.ingest().report(report));
-    let ids = futures_util::future::try_join_all(posts).await?;
+    let keep = key.keep(true, |ids| (StatusCode::CREATED, None, PostedAll { ids: ids.to_vec() }));
+    let ids = service.store.ingest().keeping(keep).reports(reports).await?;
     Ok((StatusCode::CREATED, Json(PostedAll { ids })))
 }
 

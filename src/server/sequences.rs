@@ -1,7 +1,7 @@
 //! `GET /sequences`, `GET /sequences/{hash or name}`, `POST /sequences` from blobs, and a sequence as a tar.
 
 use super::{
-    ApiError, ApiPath, ApiQuery, Service, Shared, blobs,
+    ApiError, ApiPath, ApiQuery, Service, Shared, blobs, blocking,
     extract::ApiJson,
     page::{self, Cursor},
     upload,
@@ -17,12 +17,7 @@ use axum::{
 use futures_util::stream;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::{
-    collections::BTreeMap,
-    fs, io,
-    path::{Component, Path},
-    sync::Arc,
-};
+use std::{collections::BTreeMap, fs, io, sync::Arc};
 use tokio::sync::mpsc;
 
 /// The sequence that a path or a field names.
@@ -127,9 +122,7 @@ pub async fn post(
             .missing(missing));
     }
     let assembling = Arc::clone(&service);
-    let sequence = tokio::task::spawn_blocking(move || assemble(&assembling, &request))
-        .await
-        .map_err(ApiError::internal)??;
+    let sequence = blocking(move || assemble(&assembling, &request)).await??;
     let (stored, new) = service.store.put_sequence(&sequence, Timestamp::now()).await?;
     service.wake_checker.notify_one();
     let status = if new { StatusCode::CREATED } else { StatusCode::OK };
@@ -145,13 +138,12 @@ fn assemble(service: &Service, request: &SequenceRequest) -> Result<crate::store
     let manifest = serde_json::to_vec_pretty(&request.manifest).map_err(ApiError::internal)?;
     fs::write(folder.join("manifest.json"), manifest).map_err(ApiError::internal)?;
     for (name, hash) in &request.files {
-        let path = Path::new(name);
-        let is_plain = path.components().all(|part| matches!(part, Component::Normal(_))) && name.len() <= 1000;
-        if !is_plain || name.is_empty() || name.contains('\0') || path == Path::new("manifest.json") {
-            let detail = format!("`{name}` must be a relative path without `..`, and not the manifest's");
+        let is_plain = name.split('/').all(|part| !matches!(part, "" | "." | ".."));
+        if !is_plain || name.len() > 1000 || name.contains('\0') || name == "manifest.json" {
+            let detail = format!("`{name}` must be a relative path without `.` and `..`, and not the manifest's");
             return Err(ApiError::invalid("invalid_field", detail).field("files"));
         }
-        let place = folder.join(path);
+        let place = folder.join(name);
         let linked = fs::create_dir_all(place.parent().unwrap_or(&folder))
             .and_then(|()| fs::hard_link(service.folder.blob(hash), &place));
         linked.map_err(|error| match error.kind() {

@@ -1,7 +1,7 @@
 //! `PUT /sequences/{name}`: a tar, tar.gz or zip of a sequence's folder. It is streamed to the spool, unpacked within
 //! limits, checked and hashed, and only then moved into place and stored: a refused upload leaves nothing.
 
-use super::{ApiError, ApiPath, Service, Shared, origin::is_name};
+use super::{ApiError, ApiPath, Service, Shared, blocking, origin::is_name};
 use crate::{
     sequence::{ManifestError, Sequence, SequenceError, archive},
     store::{NewSequence, Timestamp},
@@ -35,9 +35,7 @@ pub async fn put(
     )
     .await?;
     let unpacking = Arc::clone(&service);
-    let sequence = tokio::task::spawn_blocking(move || unpack(&unpacking, &name, spooled))
-        .await
-        .map_err(ApiError::internal)??;
+    let sequence = blocking(move || unpack(&unpacking, &name, spooled)).await??;
     let (stored, new) = service.store.put_sequence(&sequence, Timestamp::now()).await?;
     tracing::info!(name = stored.name, hash = stored.hash, new, "sequence put");
     service.wake_checker.notify_one();

@@ -42,9 +42,22 @@ pub struct KeptAnswer {
     pub body: Vec<u8>,
 }
 
+/// The answer to a post, by the numbers of its reports.
+type Answer = dyn Fn(&[i64]) -> KeptAnswer + Send + Sync;
+
+/// An answer to keep with the results that it tells of, in their transaction.
+pub struct Keep {
+    /// Whose key it is.
+    pub token_id: i64,
+    /// The client's key.
+    pub key: String,
+    /// What to keep.
+    pub answer: Box<Answer>,
+}
+
 #[derive(Debug)]
 enum Work {
-    Report(Box<NewReport>),
+    Reports(Vec<NewReport>),
     Frames(i64, Vec<FrameReport>),
     Close(i64, BTreeMap<String, u32>),
     Keep {
@@ -56,7 +69,8 @@ enum Work {
 
 struct Post {
     work: Work,
-    reply: oneshot::Sender<Result<i64, StoreError>>,
+    keep: Option<Arc<Keep>>,
+    reply: oneshot::Sender<Result<Vec<i64>, StoreError>>,
 }
 
 impl Post {
@@ -72,6 +86,7 @@ pub struct Ingest {
     posts: mpsc::Sender<Post>,
     stale: Arc<AtomicBool>,
     gathers: Arc<AtomicBool>,
+    keep: Option<Arc<Keep>>,
 }
 
 impl Ingest {
@@ -79,7 +94,20 @@ impl Ingest {
         let (posts, waiting) = mpsc::channel(MAX_WAITING);
         let (stale, gathers) = <(Arc<AtomicBool>, Arc<AtomicBool>)>::default();
         tokio::spawn(run(writer, waiting, Arc::clone(&stale), Arc::clone(&gathers)));
-        Self { posts, stale, gathers }
+        Self {
+            posts,
+            stale,
+            gathers,
+            keep: None,
+        }
+    }
+
+    /// The same, for one post whose answer is kept.
+    pub fn keeping(&self, keep: Option<Keep>) -> Self {
+        Self {
+            keep: keep.map(Arc::new),
+            ..self.clone()
+        }
     }
 
     /// Someone else wrote reports.
@@ -94,7 +122,12 @@ impl Ingest {
 
     /// Stores a report; its number.
     pub async fn report(&self, report: NewReport) -> Result<i64, StoreError> {
-        self.post(Work::Report(Box::new(report))).await
+        Ok(self.reports(vec![report]).await?.remove(0))
+    }
+
+    /// Stores reports, all or none; their numbers.
+    pub async fn reports(&self, reports: Vec<NewReport>) -> Result<Vec<i64>, StoreError> {
+        self.post(Work::Reports(reports)).await
     }
 
     /// Adds frames to a report that is not complete.
@@ -109,7 +142,10 @@ impl Ingest {
 
     /// Keeps an answer under a client's key.
     pub async fn keep(&self, token_id: i64, key: String, answer: KeptAnswer) -> Result<(), StoreError> {
-        self.post(Work::Keep { token_id, key, answer }).await.map(drop)
+        let (post, kept) = self.ready(Work::Keep { token_id, key, answer });
+        // What it tells of is done, so that it must not be refused.
+        self.posts.send(post).await.map_err(|_| StoreError::Busy)?;
+        kept.await.map_err(|_| StoreError::Busy)?.map(drop)
     }
 
     /// How many posts wait.
@@ -117,12 +153,16 @@ impl Ingest {
         MAX_WAITING - self.posts.capacity()
     }
 
-    async fn post(&self, work: Work) -> Result<i64, StoreError> {
-        let (reply, answer) = oneshot::channel();
-        self.posts
-            .try_send(Post { work, reply })
-            .map_err(|_| StoreError::Busy)?;
-        answer.await.map_err(|_| StoreError::Busy)?
+    async fn post(&self, work: Work) -> Result<Vec<i64>, StoreError> {
+        let (post, written) = self.ready(work);
+        self.posts.try_send(post).map_err(|_| StoreError::Busy)?;
+        written.await.map_err(|_| StoreError::Busy)?
+    }
+
+    fn ready(&self, work: Work) -> (Post, oneshot::Receiver<Result<Vec<i64>, StoreError>>) {
+        let (reply, written) = oneshot::channel();
+        let keep = self.keep.clone();
+        (Post { work, keep, reply }, written)
     }
 }
 
@@ -173,7 +213,7 @@ impl Desk {
         writer: &WriterPool,
         batch: &[Post],
         stale: &AtomicBool,
-    ) -> Result<Vec<Result<i64, StoreError>>, StoreError> {
+    ) -> Result<Vec<Result<Vec<i64>, StoreError>>, StoreError> {
         let mut connection = writer.acquire_for_posts().await?;
         if stale.swap(false, SeqCst) {
             *self = Self::default();
@@ -190,15 +230,18 @@ impl Desk {
         writer: &WriterPool,
         connection: &mut SqliteConnection,
         batch: &[Post],
-    ) -> Result<Vec<Result<i64, StoreError>>, StoreError> {
+    ) -> Result<Vec<Result<Vec<i64>, StoreError>>, StoreError> {
         let mut transaction = connection.begin().await?;
         let now = Timestamp::now();
         let mut results = Vec::with_capacity(batch.len());
         for post in batch {
             let result = match self.one(&mut transaction, &post.work, now).await {
-                Err(error @ (StoreError::NoReport(_) | StoreError::Closed(_))) => Err(error),
+                Err(error @ (StoreError::NoReport(_) | StoreError::Closed(_) | StoreError::NoFrames(_))) => Err(error),
                 other => Ok(other?),
             };
+            if let (Some(it), Ok(ids)) = (&post.keep, &result) {
+                keep(&mut transaction, it.token_id, &it.key, &(it.answer)(ids), now).await?;
+            }
             results.push(result);
         }
         let _turn = writer.posts();
@@ -214,14 +257,23 @@ impl Desk {
         }
     }
 
-    async fn one(&mut self, connection: &mut SqliteConnection, work: &Work, now: Timestamp) -> Result<i64, StoreError> {
+    async fn one(
+        &mut self,
+        connection: &mut SqliteConnection,
+        work: &Work,
+        now: Timestamp,
+    ) -> Result<Vec<i64>, StoreError> {
         match work {
-            Work::Report(report) => {
-                let id = self.writer(connection, now).report(report).await?;
-                if !report.complete {
-                    self.open.insert(id);
+            Work::Reports(reports) => {
+                let mut ids = Vec::with_capacity(reports.len());
+                for report in reports {
+                    let id = self.writer(connection, now).report(report).await?;
+                    if !report.complete {
+                        self.open.insert(id);
+                    }
+                    ids.push(id);
                 }
-                Ok(id)
+                Ok(ids)
             }
             Work::Frames(report_id, frames) => {
                 if !self.open.contains(report_id) {
@@ -229,17 +281,17 @@ impl Desk {
                     self.open.insert(*report_id);
                 }
                 self.writer(connection, now).frames(*report_id, frames).await?;
-                Ok(*report_id)
+                Ok(vec![*report_id])
             }
             Work::Close(report_id, versions) => {
                 must_be_open(connection, *report_id).await?;
-                self.open.remove(report_id);
                 self.close(connection, *report_id, versions, now).await?;
-                Ok(*report_id)
+                self.open.remove(report_id);
+                Ok(vec![*report_id])
             }
             Work::Keep { token_id, key, answer } => {
                 keep(connection, *token_id, key, answer, now).await?;
-                Ok(0)
+                Ok(Vec::new())
             }
         }
     }
@@ -252,6 +304,9 @@ impl Desk {
         now: Timestamp,
     ) -> Result<(), StoreError> {
         let frames = read_frames(connection, report_id).await?;
+        if frames.is_empty() {
+            return Err(StoreError::NoFrames(report_id));
+        }
         let (metrics, times_ms): (BTreeMap<String, MetricSummary>, BTreeMap<String, TimeSummary>) =
             condense(&frames, versions);
         let gpu_time_ms = model::gpu_time_ms(&metrics, &times_ms);
@@ -298,7 +353,7 @@ async fn keep(
 ) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO idempotency_keys (token_id, key, fingerprint, status, headers, body, created_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+         VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (token_id, key) DO UPDATE SET body = excluded.body",
     )
     .bind(token_id)
     .bind(key)

@@ -32,7 +32,7 @@ mod writing;
 pub use bench::{BenchFilter, BenchRun};
 pub use checks::{Check, Unchecked};
 pub use data_folder::{DataFolder, FolderError};
-pub use ingest::{Ingest, KeptAnswer};
+pub use ingest::{Ingest, Keep, KeptAnswer};
 pub use jobs::{Cancelled, Failure, FailureKind, Images, Job, JobFilter, JobSpec, NewJob, Outputs, Status};
 pub use model::{
     DEFAULT_PROJECT, Departure, Environment, GPU_TIME, MetricSummary, NewReport, Provenance, Subject, System,
@@ -96,6 +96,9 @@ pub enum StoreError {
     /// Frames for a report that has ended.
     #[error("report {0} is complete: frames can no longer be added to it, nor can it be closed")]
     Closed(i64),
+    /// An end to a report that nothing is in.
+    #[error("report {0} has no frames yet; post some before it is closed")]
+    NoFrames(i64),
     /// Two rows of one frame in one go.
     #[error("frame {0} is there twice")]
     RepeatedFrame(usize),

@@ -5,6 +5,7 @@ use crate::{
     metrics::{Summary, Value},
     run::report::{AdapterInfo, FrameReport, TimeSummary},
     taa::{Precision, Skip, validation::Validation},
+    verdict::better,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -93,6 +94,8 @@ pub struct System {
     pub history: Option<Precision>,
     /// Which work was left out; none where unknown.
     pub skip: Option<Skip>,
+    /// Over how many frames, from the first; none for all of them.
+    pub n_frames: Option<usize>,
     /// All settings.
     pub parameters: serde_json::Value,
     /// The ones that the submitter changed.
@@ -164,7 +167,10 @@ pub(super) fn points(
     gpu_time_ms: Option<f64>,
 ) -> impl Iterator<Item = (&str, Value, u32)> {
     let metrics = metrics.iter().filter(|(metric, _)| *metric != GPU_TIME);
-    let values = metrics.map(|(metric, found)| (metric.as_str(), found.summary.mean, found.version));
+    let values = metrics.map(|(metric, found)| {
+        let value = found.summary.headline(better(metric));
+        (metric.as_str(), value, found.version)
+    });
     values.chain(gpu_time_ms.map(|ms| (GPU_TIME, Value(ms), 0)))
 }
 

@@ -7,6 +7,7 @@ use crate::{
     metrics::{Summary, Value},
     run::report::{AdapterInfo, FrameReport, TimeSummary},
     taa::{Precision, Skip, validation::Validation},
+    verdict::better,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -40,7 +41,8 @@ pub struct Report {
     pub created_at: Timestamp,
     /// False while frames are still being added.
     pub complete: bool,
-    /// The one number that stands for the sequence, by metric: the mean of its frames after warm-up.
+    /// The one number that stands for the sequence, by metric: the mean of its frames after warm-up; NaN if a frame is, and the
+    /// infinity on the worse side if a frame is there.
     pub values: BTreeMap<String, Value>,
     /// By metric.
     pub summary: BTreeMap<String, Summary>,
@@ -72,6 +74,8 @@ pub struct Series {
     pub history: Option<Precision>,
     /// Which work was left out; none where unknown.
     pub skip: Option<Skip>,
+    /// Over how many frames, from the first; none for all of them.
+    pub n_frames: Option<usize>,
     /// The recipe in full.
     pub parameters: serde_json::Value,
     /// The parameters that the submitter changed.
@@ -152,6 +156,7 @@ impl FromRow<'_, SqliteRow> for Series {
             preset: row.try_get("preset")?,
             history: history.map(value::precision),
             skip: skip.and_then(|skip| skip.parse().ok()),
+            n_frames: row.try_get::<Option<i64>, _>("n_frames")?.map(|n| n as usize),
             parameters: json(row, "parameters")?,
             overrides: json::<Option<_>>(row, "overrides")?.unwrap_or_default(),
             environment_id: row.try_get("environment_id")?,
@@ -195,7 +200,7 @@ impl FromRow<'_, SqliteRow> for Report {
             complete: row.try_get("complete")?,
             values: metrics
                 .iter()
-                .map(|(metric, found)| (metric.clone(), found.summary.mean))
+                .map(|(metric, found)| (metric.clone(), found.summary.headline(better(metric))))
                 .collect(),
             metric_versions: metrics
                 .iter()
@@ -216,7 +221,7 @@ macro_rules! series_columns {
     () => {
         "series.id AS series_id, projects.name AS project, sequences.hash,
          coalesce(sequences.name, subjects.name) AS name, variants.kind AS variant_kind, variants.preset,
-         variants.history, variants.skip, variants.parameters, variants.overrides, environments.id AS environment_id,
+         variants.history, variants.skip, variants.n_frames, variants.parameters, variants.overrides, environments.id AS environment_id,
          environments.os, environments.clocks, adapters.name AS adapter_name, adapters.backend,
          adapters.kind AS adapter_kind, adapters.driver, adapters.driver_version"
     };

@@ -10,8 +10,8 @@ use sqlx::{Row, SqliteConnection, sqlite::SqliteRow};
 /// How many blocks are read in one go: 16 000 points.
 const BLOCKS_AT_ONCE: i64 = 256;
 
-/// Job, branch and commit of a report.
-pub(super) type Described = (Option<i64>, Option<String>, Option<String>);
+/// Job, branch, commit and parent commit of a report.
+pub(super) type Described = (Option<i64>, Option<String>, Option<String>, Option<String>);
 
 /// A point as verdicts and charts walk it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +39,8 @@ pub struct Point {
     pub branch: Option<String>,
     /// Commit the submitter gave.
     pub commit: Option<String>,
+    /// The commit before, as the submitter gave it.
+    pub parent: Option<String>,
     /// When it was stored.
     pub created_at: Timestamp,
     /// The value.
@@ -254,7 +256,8 @@ impl Store {
         let load = async |ids: &[i64]| {
             // One row of JSON: thousands of rows would each wait for the database's thread.
             let rows: String = sqlx::query_scalar(
-                "SELECT json_group_array(json_array(reports.id, json_array(job_id, branches.name, git_commit)))
+                "SELECT json_group_array(json_array(reports.id, json_array(job_id, branches.name, git_commit,
+                                                                             parent_commit)))
                  FROM json_each(?) AS wanted CROSS JOIN reports ON reports.id = wanted.value
                  LEFT JOIN branches ON branches.id = branch_id",
             )
@@ -267,12 +270,13 @@ impl Store {
         Ok(points
             .iter()
             .map(|point| {
-                let (job_id, branch, commit) = described.remove(&point.report_id).unwrap_or_default();
+                let (job_id, branch, commit, parent) = described.remove(&point.report_id).unwrap_or_default();
                 Point {
                     report_id: point.report_id,
                     job_id,
                     branch,
                     commit,
+                    parent,
                     created_at: point.created_at,
                     value: point.value,
                     metric_version: point.metric_version,

@@ -203,7 +203,7 @@ impl Store {
             .collect()
     }
 
-    /// Notes what someone said of a report, and resolves the alerts that an approval answers.
+    /// Notes what someone said of a report, and resolves the alerts of its branch that an approval answers.
     pub async fn decide(
         &self,
         report_id: i64,
@@ -228,7 +228,9 @@ impl Store {
         if let (Some(decision), Verdict::Approved) = (&decision, verdict) {
             sqlx::query(
                 "UPDATE alerts SET status = 'resolved', closed_why = 'approved: ' || ?1, closed_by = ?2, closed_at = ?3
-                 WHERE status = 'open' AND series_id = ?4 AND kind IN ('baseline', 'change') AND report_id <= ?5",
+                 WHERE status = 'open' AND series_id = ?4 AND kind IN ('baseline', 'change') AND report_id <= ?5
+                   AND branch = coalesce((SELECT name FROM branches JOIN reports ON branch_id = branches.id
+                                          WHERE reports.id = ?5), '')",
             )
             .bind(why)
             .bind(who)
@@ -263,8 +265,14 @@ impl Store {
         Ok(found)
     }
 
-    /// The approved results of a line's metric; a report's last decision counts.
-    pub async fn approved(&self, series_id: i64, metric: &str, version: u32) -> Result<Approved, StoreError> {
+    /// The approved results of a line's metric, a report's last decision counting, and what became of a branch's changes.
+    pub async fn approved(
+        &self,
+        series_id: i64,
+        metric: &str,
+        version: u32,
+        branch: &str,
+    ) -> Result<Approved, StoreError> {
         let rows: Vec<(i64, Option<f64>, Option<i64>)> = sqlx::query_as(
             "SELECT last.report_id, points.value, points.version
              FROM (SELECT report_id, decision, max(id) FROM decisions WHERE series_id = ?1 GROUP BY report_id) AS last
@@ -280,17 +288,26 @@ impl Store {
             false => false,
             true => self.is_approved_elsewhere(series_id).await?,
         };
-        let dismissed = sqlx::query_scalar(
-            "SELECT report_id FROM alerts
-             WHERE status = 'dismissed' AND series_id = ? AND metric = ? AND kind = 'change' AND report_id IS NOT NULL",
+        let changes: Vec<(AlertStatus, i64)> = sqlx::query_as(
+            "SELECT status, report_id FROM alerts
+             WHERE status IN ('open', 'dismissed') AND series_id = ? AND metric = ? AND kind = 'change' AND branch = ?
+               AND report_id IS NOT NULL",
         )
         .bind(series_id)
         .bind(metric)
+        .bind(branch)
         .fetch_all(&self.readers)
         .await?;
+        let changes_of = |status| {
+            changes
+                .iter()
+                .filter(move |change| change.0 == status)
+                .map(|change| change.1)
+        };
         Ok(Approved {
-            dismissed,
-            newest_report_id: rows.iter().map(|(report_id, ..)| *report_id).max(),
+            dismissed: changes_of(AlertStatus::Dismissed).collect(),
+            open: changes_of(AlertStatus::Open).next(),
+            report_ids: rows.iter().map(|(report_id, ..)| *report_id).collect(),
             values: rows
                 .iter()
                 .filter(|(_, _, found)| *found == Some(i64::from(version)))
@@ -508,8 +525,10 @@ async fn open(
         detail: check.detail.clone(),
         finding: check.finding.clone(),
     })?;
+    // Where it began is known better with each result.
+    let first_bad = check.finding.first_bad_report.or(check.finding.last_good_report);
     let known = sqlx::query(
-        "UPDATE alerts SET finding = ?5, updated_at = ?6
+        "UPDATE alerts SET finding = ?5, updated_at = ?6, report_id = ?7, last_good_report_id = ?8
          WHERE status = 'open' AND branch = ?1 AND series_id = ?2 AND metric = ?3 AND kind = ?4",
     )
     .bind(branch)
@@ -518,13 +537,14 @@ async fn open(
     .bind(kind)
     .bind(&found)
     .bind(now)
+    .bind(first_bad)
+    .bind(check.finding.last_good_report)
     .execute(&mut *connection)
     .await?;
     if known.rows_affected() > 0 {
         return Ok(None);
     }
     // What was dismissed stays so while it is the same fault.
-    let first_bad = check.finding.first_bad_report.or(check.finding.last_good_report);
     let id: Option<i64> = sqlx::query_scalar(
         "INSERT INTO alerts (project_id, branch, series_id, metric, kind, status, report_id, last_good_report_id,
                              finding, opened_at, updated_at)

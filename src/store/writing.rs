@@ -29,7 +29,8 @@ const MAX_REMEMBERED: usize = 20_000;
 #[derive(Default)]
 pub(super) struct Memory {
     projects: HashMap<String, i64>,
-    branches: HashMap<(i64, String), i64>,
+    /// By project and name; apart those whose departure is settled.
+    branches: HashMap<(i64, String, bool), i64>,
     metrics: HashMap<String, i64>,
     layouts: HashMap<Layout, i64>,
     series: HashMap<String, i64>,
@@ -326,45 +327,54 @@ impl Writer<'_> {
         Ok(id)
     }
 
-    /// The row of a report's branch, made at its first report, which is also the one that may say where it departed.
+    /// The row of a report's branch, made at its first report. The first that names a branch known here as where it left
+    /// settles that.
     async fn branch(&mut self, project_id: i64, origin: &Provenance) -> Result<Option<i64>, StoreError> {
         let Some(name) = &origin.branch else { return Ok(None) };
-        let key = (project_id, name.clone());
+        let key = (project_id, name.clone(), origin.from.is_some());
         if let Some(&id) = self.memory.branches.get(&key) {
             return Ok(Some(id));
         }
-        let known: Option<i64> = sqlx::query_scalar("SELECT id FROM branches WHERE project_id = ? AND name = ?")
-            .bind(project_id)
-            .bind(name)
-            .fetch_optional(&mut *self.connection)
-            .await?;
-        let id = match known {
-            Some(id) => id,
-            None => self.new_branch(project_id, name, origin.from.as_ref()).await?,
-        };
-        self.memory.branches.insert(key, id);
-        Ok(Some(id))
-    }
-
-    async fn new_branch(&mut self, project_id: i64, name: &str, from: Option<&Departure>) -> Result<i64, StoreError> {
-        let (branch, commit) = from.map_or((None, None), |from| (Some(&from.branch), from.commit.as_ref()));
-        // Without a commit that is known here, the parent's newest report is where they part.
         let id = sqlx::query_scalar(
-            "WITH parent AS (SELECT id FROM branches WHERE project_id = ?1 AND name = ?3 AND name <> ?2)
-             INSERT INTO branches (project_id, name, parent_id, departed_commit, departed_report_id, created_at)
-             VALUES (?1, ?2, (SELECT id FROM parent), ?4,
-                     coalesce((SELECT max(id) FROM reports WHERE git_commit = ?4
-                               AND branch_id = (SELECT id FROM parent)), (SELECT max(id) FROM reports), 0), ?5)
-             RETURNING id",
+            "INSERT INTO branches (project_id, name, created_at) VALUES (?, ?, ?)
+             ON CONFLICT (project_id, name) DO UPDATE SET name = name RETURNING id",
         )
         .bind(project_id)
         .bind(name)
-        .bind(branch)
-        .bind(commit)
         .bind(self.now)
         .fetch_one(&mut *self.connection)
         .await?;
-        Ok(id)
+        let is_settled = match &origin.from {
+            None => true,
+            Some(from) => self.depart(project_id, id, from).await?,
+        };
+        if is_settled {
+            self.memory.branches.insert(key, id);
+        }
+        Ok(Some(id))
+    }
+
+    /// Notes where a branch left another, unless that is known; whether it is known now.
+    async fn depart(&mut self, project_id: i64, id: i64, from: &Departure) -> Result<bool, StoreError> {
+        // Without a commit that is known here, they part before this branch's own first report.
+        sqlx::query(
+            "UPDATE branches SET parent_id = parent.id, departed_commit = ?4, departed_report_id = coalesce(
+                 (SELECT max(id) FROM reports WHERE git_commit = ?4 AND branch_id = parent.id),
+                 (SELECT min(id) - 1 FROM reports WHERE branch_id = ?2), (SELECT max(id) FROM reports), 0)
+             FROM (SELECT id FROM branches WHERE project_id = ?1 AND name = ?3) AS parent
+             WHERE branches.id = ?2 AND branches.parent_id IS NULL AND parent.id <> ?2",
+        )
+        .bind(project_id)
+        .bind(id)
+        .bind(&from.branch)
+        .bind(&from.commit)
+        .execute(&mut *self.connection)
+        .await?;
+        let is_known = sqlx::query_scalar("SELECT parent_id IS NOT NULL FROM branches WHERE id = ?")
+            .bind(id)
+            .fetch_one(&mut *self.connection)
+            .await?;
+        Ok(is_known)
     }
 
     async fn metric(&mut self, name: &str) -> Result<i64, StoreError> {
@@ -403,6 +413,7 @@ impl Writer<'_> {
                 &system.name,
                 system.history,
                 system.skip,
+                system.n_frames,
                 &system.parameters,
             ),
             environment,
@@ -446,14 +457,16 @@ impl Writer<'_> {
     async fn variant(&mut self, system: &System) -> Result<i64, StoreError> {
         let history = system.history.map(value::precision_id);
         let id = sqlx::query_scalar(
-            "INSERT INTO variants (kind, preset, history, skip, parameters, overrides) VALUES (?, ?, ?, ?, ?, ?)
-             ON CONFLICT (kind, preset, ifnull(history, ''), ifnull(skip, ''), parameters)
+            "INSERT INTO variants (kind, preset, history, skip, n_frames, parameters, overrides)
+             VALUES (?, ?, ?, ?, ?, ?, ?)
+             ON CONFLICT (kind, preset, ifnull(history, ''), ifnull(skip, ''), ifnull(n_frames, 0), parameters)
              DO UPDATE SET preset = preset RETURNING id",
         )
         .bind(system.kind)
         .bind(&system.name)
         .bind(history)
         .bind(system.skip.map(|skip| skip.to_string()))
+        .bind(system.n_frames.map(|n| n as i64))
         .bind(system.parameters.to_string())
         .bind(system.overrides.to_string())
         .fetch_one(&mut *self.connection)
@@ -548,6 +561,7 @@ fn of_job(claim: &Claim, report: &Report, index: usize, environment: &Environmen
             name: preset.preset.clone(),
             history,
             skip,
+            n_frames: run.n_frames,
             parameters: preset.parameters.clone(),
             overrides: serde_json::to_value(overrides)?,
         },

@@ -6,7 +6,7 @@
 //! Analysis of Multivariate Data", 2014, with α = 1.
 
 use super::ChangeRule;
-use crate::{random::Random, statistics::median};
+use crate::{metrics::Better, random::Random, statistics::median};
 
 /// Shuffles that a significance test makes: the smallest probability that can be told is 0.002.
 const N_SHUFFLES: usize = 499;
@@ -27,9 +27,8 @@ pub struct ChangePoint {
     pub after: f64,
 }
 
-/// The changes of level in `values`, oldest first. Values that are not finite count as the largest or smallest finite one.
+/// The changes of level in finite `values` ([`place`] makes them so), oldest first.
 pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
-    let values = finite(values);
     let mut cuts = Vec::new();
     // Start and end of each part that is still to be cut.
     let mut waiting = vec![(0, values.len())];
@@ -43,7 +42,7 @@ pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
     }
     cuts.sort_by_key(|(index, _)| *index);
     loop {
-        let found = levels(&values, &cuts);
+        let found = levels(values, &cuts);
         let step = |point: &ChangePoint| {
             (point.after - point.before).abs() / rule.min_effect.of(point.before).max(f64::MIN_POSITIVE)
         };
@@ -58,22 +57,28 @@ pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
     }
 }
 
-/// The values with infinities pulled in; NaN takes the place of the value before.
-pub(super) fn finite(values: &[f64]) -> Vec<f64> {
+/// The values with those that are not finite beside the others: infinities as far out as makes a step that counts, so that
+/// one of them hides no other step, and what is not a number where the worst infinity is.
+pub fn place(values: &[f64], better: Option<Better>, rule: &ChangeRule) -> Vec<f64> {
     let known = || values.iter().copied().filter(|value| value.is_finite());
-    let (low, high) = (
-        known().fold(f64::INFINITY, f64::min),
-        known().fold(f64::NEG_INFINITY, f64::max),
-    );
-    if low > high {
-        return vec![0.0; values.len()];
-    }
-    let mut last = known().next().unwrap_or(0.0);
-    let mut kept = |value: f64| {
-        last = if value.is_nan() { last } else { value.clamp(low, high) };
-        last
+    let (low, high) = match (known().reduce(f64::min), known().reduce(f64::max)) {
+        (Some(low), Some(high)) => (low, high),
+        _ => (0.0, 0.0),
     };
-    values.iter().map(|&value| kept(value)).collect()
+    let scale = match low.abs().max(high.abs()) {
+        0.0 => 1.0,
+        largest => largest,
+    };
+    let out = high - low + (2.0 * rule.min_effect.of(scale)).max(f64::EPSILON * scale);
+    let (below, above) = (low - out, high + out);
+    let worst = if better == Some(Better::Lower) { above } else { below };
+    let placed = |&value: &f64| match value {
+        value if value.is_finite() => value,
+        value if value.is_nan() => worst,
+        value if value > 0.0 => above,
+        _ => below,
+    };
+    values.iter().map(placed).collect()
 }
 
 fn levels(values: &[f64], cuts: &[(usize, f64)]) -> Vec<ChangePoint> {
@@ -248,17 +253,26 @@ mod tests {
         let rule = ChangeRule::default();
         assert!(change_points(&[], &rule).is_empty());
         assert!(change_points(&[1.0; 7], &rule).is_empty());
-        assert!(change_points(&[f64::NAN; 20], &rule).is_empty());
-        let mut perfect = vec![f64::INFINITY; 10];
-        perfect.extend([30.0; 10]);
-        perfect.extend([31.0; 10]);
-        assert_eq!(
-            change_points(&perfect, &rule)
-                .iter()
-                .map(|point| point.index)
-                .collect::<Vec<_>>(),
-            [10, 20]
-        );
+        assert!(change_points(&place(&[f64::NAN; 20], None, &rule), &rule).is_empty());
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_levels_of_their_own() {
+        let rule = ChangeRule::default();
+        let places = |levels: &[f64], better| {
+            let values: Vec<f64> = levels.iter().flat_map(|&level| [level; 10]).collect();
+            let found = change_points(&place(&values, better, &rule), &rule);
+            found.iter().map(|point| point.index).collect::<Vec<_>>()
+        };
+        let (inf, nan) = (f64::INFINITY, f64::NAN);
+        assert_eq!(places(&[inf, 30.0, 31.5], None), [10, 20]);
+        assert_eq!(places(&[inf, 60.0], Some(Better::Higher)), [10]);
+        assert_eq!(places(&[34.0, nan], Some(Better::Higher)), [10]);
+        assert_eq!(places(&[34.0, -inf], Some(Better::Higher)), [10]);
+        assert_eq!(places(&[0.0, inf], Some(Better::Lower)), [10]);
+        assert_eq!(places(&[inf, nan], Some(Better::Higher)), [10]);
+        let worse = |better| place(&[1.0, nan], Some(better), &rule)[1] > 1.0;
+        assert!(worse(Better::Lower) && !worse(Better::Higher));
     }
 
     #[test]

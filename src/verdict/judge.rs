@@ -14,7 +14,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, ops::Range};
 
 /// What became of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -57,14 +57,29 @@ impl Kind {
 /// A result that was before.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Past {
-    /// The report.
-    pub report_id: i64,
-    /// Its commit.
+    /// Its reports, oldest first: several where a commit was measured again.
+    pub report_ids: Vec<i64>,
+    /// Their commit.
     pub commit: Option<String>,
-    /// The value; of several reports of one commit, their median.
+    /// The value, by [`of_repeats`].
     pub value: f64,
     /// Version of the metric.
     pub version: u32,
+}
+
+impl Past {
+    /// The report that is named: the first, which stays the same whatever is measured again.
+    pub fn report_id(&self) -> i64 {
+        self.report_ids.first().copied().unwrap_or_default()
+    }
+}
+
+/// The value of repeats of one measurement: their median, or not a number where one of them is none.
+pub fn of_repeats(values: &[f64]) -> f64 {
+    match values.iter().any(|value| value.is_nan()) {
+        true => f64::NAN,
+        false => median(values),
+    }
 }
 
 /// The approved results of a line.
@@ -72,10 +87,12 @@ pub struct Past {
 pub struct Approved {
     /// Values of the same metric version.
     pub values: Vec<f64>,
-    /// The newest approved report; changes up to it are accepted.
-    pub newest_report_id: Option<i64>,
+    /// The approved reports; changes up to the last of them in a history are accepted there.
+    pub report_ids: Vec<i64>,
     /// Where changes began whose alerts were dismissed: others go first.
     pub dismissed: Vec<i64>,
+    /// Where the change began whose alert is open on the branch.
+    pub open: Option<i64>,
     /// There are approved results of the same system and sequence, but of other environments only.
     pub elsewhere: bool,
 }
@@ -95,7 +112,9 @@ pub struct Line<'a> {
     pub values: &'a [f64],
     /// Version of the metric in this run.
     pub version: u32,
-    /// Results of the branch and its past, oldest first, this run's included at the end where they are stored.
+    /// A report of this run, where it is stored.
+    pub report_id: Option<i64>,
+    /// Results of the branch and its past, oldest first, this run's included where they are stored.
     pub history: &'a [Past],
     /// What was approved.
     pub approved: &'a Approved,
@@ -182,7 +201,7 @@ impl Rules {
         let judge = Judge {
             line,
             better,
-            value: median(line.values),
+            value: of_repeats(line.values),
         };
         let mut found = Vec::new();
         if checks.min.is_some() || checks.max.is_some() {
@@ -237,7 +256,7 @@ impl Rules {
                 metric: metric.to_owned(),
                 kind,
                 outcome: Outcome::Unknown,
-                detail: "was not measured; measure it, or ask for it where it is".to_owned(),
+                detail: "was not measured, or in warm-up only; measure it, or ask for it where it is".to_owned(),
                 finding: Finding::default(),
             })
         };
@@ -288,21 +307,28 @@ impl Judge<'_> {
         };
         let finding = Finding {
             limit: Some(Value(limit)),
-            effect: Some(Value(self.value - limit)),
+            effect: Some(Value(self.value - limit)).filter(|effect| !effect.0.is_nan()),
             ..self.since(|value| breaks(value).is_some())
         };
-        let detail = format!("{} is {words} {limit}", Value(self.value));
+        let detail = match self.value.is_nan() {
+            true => format!("not a number, in some frame at least, where the limit is {limit}"),
+            false => format!("{} is {words} {limit}", Value(self.value)),
+        };
         self.check(Kind::Limit, Outcome::Regression, detail, finding)
     }
 
     fn baseline(&self, tolerance: super::Tolerance) -> Check {
         let unknown =
             |detail: &str| self.check(Kind::Baseline, Outcome::Unknown, detail.to_owned(), Finding::default());
-        let approved = &self.line.approved.values;
+        let approved = self.line.approved.values.iter().copied();
+        let approved: Vec<f64> = approved.filter(|value| !value.is_nan()).collect();
         if approved.is_empty() {
-            return unknown(match self.line.approved.elsewhere {
-                true => "environment differs: results are approved in other environments only",
-                false => "no result of this line is approved yet",
+            return unknown(match self.line.approved {
+                Approved { elsewhere: true, .. } => {
+                    "environment differs: results are approved in other environments only"
+                }
+                Approved { values, .. } if values.is_empty() => "no result of this line is approved yet",
+                _ => "what is approved is not a number",
             });
         }
         let Some(better) = self.better else {
@@ -334,7 +360,13 @@ impl Judge<'_> {
             let detail = format!("{} is no worse than approved ({})", Value(self.value), Value(worst));
             return self.check(Kind::Baseline, Outcome::Ok, detail, finding);
         }
-        let detail = format!("{} is worse than the approved {}", Value(self.value), Value(worst));
+        let detail = match self.value.is_nan() {
+            true => format!(
+                "not a number, in some frame at least, where {} is approved",
+                Value(worst)
+            ),
+            false => format!("{} is worse than the approved {}", Value(self.value), Value(worst)),
+        };
         let finding = Finding {
             limit: finding.limit,
             effect: finding.effect,
@@ -343,10 +375,11 @@ impl Judge<'_> {
         self.check(Kind::Baseline, Outcome::Regression, detail, finding)
     }
 
-    /// First bad and last good: the run of bad results at the end of the history. The last one is this run's, which is bad
-    /// whatever earlier repeats of its commit were.
+    /// First bad and last good: the run of bad results up to this one, which is bad whatever other repeats of its commit were.
     fn since(&self, is_bad: impl Fn(f64) -> bool) -> Finding {
         let history = self.comparable();
+        let this = self.line.report_id.and_then(|id| self.place_of(id));
+        let history = &history[..this.map_or(history.len(), |place| place + 1)];
         let n_bad = history
             .iter()
             .rev()
@@ -355,13 +388,7 @@ impl Judge<'_> {
             .max(1);
         let first_bad = history.len().checked_sub(n_bad).and_then(|at| history.get(at));
         let last_good = history.len().checked_sub(n_bad + 1).and_then(|at| history.get(at));
-        Finding {
-            first_bad_report: first_bad.map(|past| past.report_id),
-            first_bad_commit: first_bad.and_then(|past| past.commit.clone()),
-            last_good_report: last_good.map(|past| past.report_id),
-            last_good_commit: last_good.and_then(|past| past.commit.clone()),
-            ..Finding::default()
-        }
+        named(first_bad, last_good)
     }
 
     /// Results of the metric's version of this run, back to the last other one.
@@ -375,76 +402,160 @@ impl Judge<'_> {
         &history[history.len() - n_equal..]
     }
 
+    /// Where a report is in the results that compare.
+    fn place_of(&self, report_id: i64) -> Option<usize> {
+        let history = self.comparable();
+        history.iter().rposition(|past| past.report_ids.contains(&report_id))
+    }
+
     /// Looks for the oldest change for the worse that was neither approved, dismissed nor made good since; others may have followed.
     fn change(&self, rule: &super::ChangeRule) -> Check {
-        let history = self.comparable();
-        let history = &history[history.len().saturating_sub(rule.window)..];
+        let all = self.comparable();
         let unknown = |detail: String| self.check(Kind::Change, Outcome::Unknown, detail, Finding::default());
         let needed = 2 * rule.min_segment;
-        if history.len() < needed {
+        if all.len() < needed {
             return unknown(format!(
                 "{} results are too few to see a change; {needed} are needed",
-                history.len()
+                all.len()
             ));
         }
         let Some(better) = self.better else {
             return unknown("which way the metric improves is not known; say `better` in its rule".to_owned());
         };
-        let values = change::finite(&history.iter().map(|past| past.value).collect::<Vec<_>>());
-        let changes = change::change_points(&values, rule);
-        let accepted = self.line.approved.newest_report_id.unwrap_or(0);
-        let is_new = |point: &&ChangePoint| history[point.index].report_id > accepted;
-        let lasts = |(position, point): &(usize, &ChangePoint)| {
-            let is_worse = |later: &ChangePoint| {
-                let loss = match better {
-                    Better::Lower => later.after - point.before,
-                    Better::Higher => point.before - later.after,
-                };
-                loss > 0.0 && loss >= rule.min_effect.of(point.before)
+        let approved = &self.line.approved;
+        let start = all.len().saturating_sub(rule.window);
+        let true_values: Vec<f64> = all.iter().map(|past| past.value).collect();
+        let values = change::place(&true_values, Some(better), rule);
+        let accepted = approved.report_ids.iter().filter_map(|&id| self.place_of(id)).max();
+        let is_new = |index: usize| accepted.is_none_or(|accepted| index > accepted);
+        let is_loss = |before: f64, after: f64| {
+            let loss = match better {
+                Better::Lower => after - before,
+                Better::Higher => before - after,
             };
-            changes[*position..].iter().all(is_worse)
+            loss > 0.0 && loss >= rule.min_effect.of(before)
+        };
+        // A change for the worse stays one when what was before it leaves the window.
+        let open = approved.open.and_then(|id| self.place_of(id));
+        if let Some(index) = open.filter(|&index| index > 0 && index < start + rule.min_segment && is_new(index)) {
+            let since = index.max(start);
+            let now = change::change_points(&values[since..], rule);
+            let now = now.last().map_or(since, |point| since + point.index)..values.len();
+            let before = index.saturating_sub(needed)..index;
+            if is_loss(median(&values[before.clone()]), median(&values[now.clone()])) {
+                let level = Level {
+                    before,
+                    index,
+                    now,
+                    p: None,
+                };
+                return self.changed(&level, &true_values, &values, Outcome::Regression);
+            }
+        }
+        let mut changes = change::change_points(&values[start..], rule);
+        for point in &mut changes {
+            point.index += start;
+        }
+        let lasts = |(position, point): &(usize, &ChangePoint)| {
+            let mut later = changes[*position..].iter();
+            later.all(|later| is_loss(point.before, later.after))
         };
         let lasting = changes
             .iter()
             .enumerate()
-            .filter(|(_, point)| is_new(point))
+            .filter(|(_, point)| is_new(point.index))
             .filter(lasts);
         let lasting: Vec<&ChangePoint> = lasting.map(|(_, point)| point).collect();
-        let is_dismissed = |point: &ChangePoint| self.line.approved.dismissed.contains(&history[point.index].report_id);
+        let dismissed: Vec<usize> = approved.dismissed.iter().filter_map(|&id| self.place_of(id)).collect();
+        // Where a change begins is known better with each result, but it is the one that was dismissed.
+        let dismissed_at = |point: &ChangePoint| {
+            let is_near = |at: &&usize| at.abs_diff(point.index) < rule.min_segment;
+            dismissed.iter().find(is_near).copied()
+        };
         let oldest = lasting
             .iter()
-            .find(|point| !is_dismissed(point))
+            .find(|point| dismissed_at(point).is_none())
             .or(lasting.first())
             .copied();
-        let Some(found) = oldest.or_else(|| changes.last().filter(is_new)) else {
-            let detail = format!("no new change in {} results", history.len());
+        let Some(found) = oldest.or_else(|| changes.last().filter(|point| is_new(point.index))) else {
+            let detail = format!("no new change in {} results", all.len() - start);
             return self.check(Kind::Change, Outcome::Ok, detail, Finding::default());
         };
         let before = changes.iter().rfind(|point| point.index < found.index);
-        let start = before.map_or(0, |point| point.index);
-        let now = changes.last().unwrap_or(found);
-        let (effect, low, high) = change::effect(&values[start..found.index], &values[now.index..]);
-        let (bad, good) = (&history[found.index], &history[found.index - 1]);
+        let level = Level {
+            before: before.map_or(start, |point| point.index)..found.index,
+            index: dismissed_at(found).unwrap_or(found.index).max(1),
+            now: changes.last().map_or(found.index, |point| point.index)..values.len(),
+            p: Some(found.p),
+        };
+        let outcome = if oldest.is_some() {
+            Outcome::Regression
+        } else {
+            Outcome::Ok
+        };
+        self.changed(&level, &true_values, &values, outcome)
+    }
+
+    /// A change in words and numbers. What is not finite is so in both.
+    fn changed(&self, level: &Level, true_values: &[f64], values: &[f64], outcome: Outcome) -> Check {
+        let of = |values: &[f64], range: &Range<usize>| median(&values[range.clone()]);
+        let (before, now) = (of(true_values, &level.before), of(true_values, &level.now));
+        let words = if outcome == Outcome::Regression {
+            "worse"
+        } else {
+            "better"
+        };
+        let (bad, good) = (&self.comparable()[level.index], &self.comparable()[level.index - 1]);
         let finding = Finding {
-            limit: Some(Value(found.before)),
+            limit: Some(Value(before)),
+            ..named(Some(bad), Some(good))
+        };
+        let chance = level
+            .p
+            .map_or_else(|| "longer ago than the window".to_owned(), |p| format!("p = {p:.3}"));
+        if !(before.is_finite() && now.is_finite()) {
+            let detail = format!(
+                "changed for the {words} from {} to {}, {chance}",
+                Value(before),
+                Value(now)
+            );
+            let effect = Some(Value(now - before)).filter(|effect| !effect.0.is_nan());
+            return self.check(Kind::Change, outcome, detail, Finding { effect, ..finding });
+        }
+        let (effect, low, high) = change::effect(&values[level.before.clone()], &values[level.now.clone()]);
+        let detail = format!(
+            "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {before:.4} to {now:.4}, {chance}"
+        );
+        let finding = Finding {
             effect: Some(Value(effect)),
             effect_low: Some(Value(low)),
             effect_high: Some(Value(high)),
-            first_bad_report: Some(bad.report_id),
-            first_bad_commit: bad.commit.clone(),
-            last_good_report: Some(good.report_id),
-            last_good_commit: good.commit.clone(),
-            ..Finding::default()
+            ..finding
         };
-        let (outcome, words) = match oldest {
-            Some(_) => (Outcome::Regression, "worse"),
-            None => (Outcome::Ok, "better"),
-        };
-        let detail = format!(
-            "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {:.4} to {:.4}, p = {:.3}",
-            found.before, now.after, found.p
-        );
         self.check(Kind::Change, outcome, detail, finding)
+    }
+}
+
+/// A change of level among the results that compare.
+struct Level {
+    /// The level before.
+    before: Range<usize>,
+    /// The first result of the change.
+    index: usize,
+    /// The level now.
+    now: Range<usize>,
+    /// The probability that chance made it; none where the level before has left the window.
+    p: Option<f64>,
+}
+
+/// The reports and commits on either side.
+fn named(first_bad: Option<&Past>, last_good: Option<&Past>) -> Finding {
+    Finding {
+        first_bad_report: first_bad.map(Past::report_id),
+        first_bad_commit: first_bad.and_then(|past| past.commit.clone()),
+        last_good_report: last_good.map(Past::report_id),
+        last_good_commit: last_good.and_then(|past| past.commit.clone()),
+        ..Finding::default()
     }
 }
 

@@ -21,6 +21,9 @@ pub fn recipe(series: &Series) -> String {
     if series.skip == Some(Skip::Exact) {
         text.push_str(", skipping");
     }
+    if let Some(n) = series.n_frames {
+        text.push_str(&format!(", first {n} frames"));
+    }
     text
 }
 

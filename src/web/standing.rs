@@ -213,6 +213,7 @@ mod tests {
             job_id: None,
             branch: None,
             commit: None,
+            parent: None,
             created_at: Timestamp(day * 86_400_000),
             value: Value(1.0),
             metric_version: 1,

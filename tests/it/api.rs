@@ -410,6 +410,17 @@ fn failures_are_told_apart_and_only_the_device_is_tried_again() {
 }
 
 #[test]
+fn what_is_nowhere_is_named_in_full() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    for path in ["/nope", "/", "/jobs/one"] {
+        client
+            .get(path)
+            .is_problem(404, "not_found", None, &format!("there is nothing at /api/v1{path}"));
+    }
+}
+
+#[test]
 fn a_running_job_can_be_cancelled_and_a_stopped_service_gives_it_back() {
     let service = TestService::start(Scripted(endless), &[]);
     let client = service.client();

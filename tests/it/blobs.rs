@@ -64,6 +64,18 @@ fn an_upload_goes_on_where_it_broke_off() {
     };
     assert_eq!(answer.status, 201, "{}", answer.text());
     assert_eq!(answer.json()["n_bytes"], bytes.len());
+
+    // All of it came, but nobody was told what became of it.
+    let other = [&bytes[1..], &[0]].concat();
+    let all = format!("/blobs/{}", hash(&other));
+    let range = |range: &str| client.send("PUT", &all, &[("content-range", range)], b"");
+    std::fs::write(
+        service.data.path().join("blobs").join(format!("{}.part", hash(&other))),
+        &other,
+    )
+    .unwrap();
+    range("bytes */99999").is_problem(409, "wrong_offset", None, "100000 bytes are here");
+    assert_eq!(range("bytes */100000").status, 201);
     assert_eq!(client.send("HEAD", &path, &[], &[]).status, 200);
     assert_eq!(
         client.send("PUT", &path, &[], b"anything").status,
@@ -154,10 +166,23 @@ fn a_sequence_of_blobs_is_the_sequence_of_the_archive() {
         request["files"][name] = json!(hash(&files["input/0001.exr"]));
         client.post("/sequences", &request)
     };
-    for name in ["../x", "/etc/x", "a/../../x", "manifest.json", ""] {
+    for name in [
+        "../x",
+        "/etc/x",
+        "a/../../x",
+        "manifest.json",
+        "",
+        "a/",
+        "a/.",
+        "./a",
+        "a//b",
+    ] {
         with(name).is_problem(422, "invalid_field", Some("files"), "relative path");
     }
     with("input/0001.exr/x").is_problem(422, "invalid_field", Some("files"), "in another file's way");
+    client
+        .post("/sequences", &json!({"name": "pan", "manifest": {}, "files": {}}))
+        .is_problem(422, "invalid_sequence", Some("schema"), "missing field");
     let mut broken = request.clone();
     broken["manifest"]["render_size"] = json!([1, 1]);
     let problem = client.post("/sequences", &broken);
@@ -189,7 +214,7 @@ fn images_rendered_elsewhere_are_compared_with_the_reference() {
             .into()
     };
     let job = |hashes: &[String]| {
-        json!({"sequence": "pan", "metrics": ["psnr", "ssim", "flicker"], "commit": "c1",
+        json!({"sequence": "pan", "metrics": ["psnr", "ssim", "flicker"], "commit": "c1", "frames": hashes.len(),
                "outputs": {"system": "engine", "images": images(hashes), "environment": {"adapter": {"name": "RTX"}}}})
     };
     let id = client.start_job(&job(&references));
@@ -241,13 +266,27 @@ fn images_rendered_elsewhere_are_compared_with_the_reference() {
     client
         .post_job(&both)
         .is_problem(422, "invalid_field", Some("presets"), "not both");
+    // What is missing is no smaller sequence, unless that is said; then it is a line of its own.
     let mut gap = job(&references);
-    gap["outputs"]["images"].as_object_mut().unwrap().remove("0");
-    client
-        .post_job(&gap)
-        .is_problem(422, "invalid_field", Some("outputs.images"), "without gaps");
+    gap["outputs"]["images"].as_object_mut().unwrap().remove("11");
+    client.post_job(&gap).is_problem(
+        422,
+        "invalid_field",
+        Some("outputs.images"),
+        "1 of the frames 0 to 11 have no image",
+    );
+    let first = client.start_job(&job(&references[..3]));
+    let first = client.wait_for(first, &["done", "failed"]);
+    assert_eq!(
+        (&report["n_frames"], &first["reports"][0]["n_frames"]),
+        (&json!(null), &json!(3))
+    );
+    assert_ne!(report["series_id"], first["reports"][0]["series_id"]);
     gap["outputs"]["images"]["99"] = json!(references[0]);
-    client
-        .post_job(&gap)
-        .is_problem(422, "invalid_field", Some("outputs.images"), "`99` is no frame");
+    client.post_job(&gap).is_problem(
+        422,
+        "invalid_field",
+        Some("outputs.images"),
+        "`99` is none of the frames",
+    );
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers outside #[test] functions fail as tests do")]
 
 mod access;
+mod alerts;
 mod answers;
 mod api;
 mod bad_input;

@@ -368,6 +368,14 @@ fn a_request_with_a_key_is_done_once() {
     // What was refused was not done, and may be corrected.
     post(&json!({"sequence": "a"}), "k2").is_problem(422, "missing_field", None, "system");
     assert_eq!(post(&body, "k2").status, 201);
+    let broken = [
+        ("content-type", "application/json"),
+        ("content-encoding", "gzip"),
+        ("idempotency-key", "k9"),
+    ];
+    client
+        .send("POST", "/reports", &broken, b"no gzip")
+        .is_problem(400, "bad_body", None, "");
     post(&body, "two words").is_problem(400, "bad_idempotency_key", Some("idempotency-key"), "printable");
     // A restart forgets nothing.
     let service = TestService::start_in(service.stop(), Idle, &[]);

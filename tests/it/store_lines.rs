@@ -4,8 +4,8 @@ use crate::store::{database, environment, frame, store};
 use afterimage::{
     run::report::FrameReport,
     store::{
-        DEFAULT_PROJECT, Departure, NewReport, Provenance, SeriesFilter, State, Store, StoreError, Subject, System,
-        SystemKind, Timestamp, condense,
+        DEFAULT_PROJECT, Departure, Keep, KeptAnswer, NewReport, Provenance, SeriesFilter, State, Store, StoreError,
+        Subject, System, SystemKind, Timestamp, condense,
     },
 };
 use std::{
@@ -26,6 +26,7 @@ pub fn external(branch: &str, commit: &str, psnr: &[f64]) -> NewReport {
             name: "engine".to_owned(),
             history: None,
             skip: None,
+            n_frames: None,
             parameters: serde_json::json!({}),
             overrides: serde_json::json!({}),
         },
@@ -79,6 +80,58 @@ async fn a_branch_has_its_parents_past_and_not_its_present() {
     assert_eq!(values(&store, Some("main"), 3).await, [4.0, 5.0, 6.0]);
     assert_eq!(values(&store, None, 4).await, [5.0, 30.0, 31.0, 6.0]);
     assert_eq!(values(&store, Some("nowhere"), 100).await, [0.0; 0]);
+}
+
+fn kept(ids: &[i64]) -> KeptAnswer {
+    KeptAnswer {
+        fingerprint: [7; 32],
+        status: 201,
+        headers: Vec::new(),
+        body: format!("{ids:?}").into_bytes(),
+    }
+}
+
+#[tokio::test]
+async fn an_answer_is_kept_with_its_result_or_not_at_all() {
+    let (_folder, store, _) = store().await;
+    let keep = |key: &str| Keep {
+        token_id: 0,
+        key: key.to_owned(),
+        answer: Box::new(kept),
+    };
+    let reports = ["c1", "c2"].map(|commit| external("main", commit, &[1.0, 2.0]));
+    let ids = store
+        .ingest()
+        .keeping(Some(keep("a")))
+        .reports(reports.into())
+        .await
+        .unwrap();
+    let found = store.kept_answer(0, "a").await.unwrap();
+    assert_eq!((found, ids.len()), (Some(kept(&ids)), 2));
+    let closed = store
+        .ingest()
+        .keeping(Some(keep("b")))
+        .close(ids[0], BTreeMap::new())
+        .await;
+    assert!(matches!(closed, Err(StoreError::Closed(_))), "{closed:?}");
+    assert_eq!(store.kept_answer(0, "b").await.unwrap(), None);
+}
+
+#[tokio::test]
+async fn an_answer_is_kept_however_much_waits() {
+    let (_folder, store, _) = store().await;
+    let posts = (0..2500).map(|_| store.ingest().report(external("main", "c", &[1.0])));
+    let keeps = (0..50).map(|i| store.ingest().keep(0, i.to_string(), kept(&[i])));
+    let (posted, kept) = tokio::join!(
+        futures_util::future::join_all(posts),
+        futures_util::future::try_join_all(keeps)
+    );
+    let n_busy = posted
+        .iter()
+        .filter(|posted| matches!(posted, Err(StoreError::Busy)))
+        .count();
+    assert!(n_busy > 0, "not so much waited");
+    kept.unwrap();
 }
 
 #[tokio::test]

@@ -126,7 +126,7 @@ fn a_rule_that_is_removed_takes_its_alerts_along() {
     assert_eq!(unmeasured["outcome"], "unknown");
     assert_eq!(
         unmeasured["checks"][1]["detail"].as_str().unwrap().split(';').next(),
-        Some("was not measured")
+        Some("was not measured, or in warm-up only")
     );
 }
 

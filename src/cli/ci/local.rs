@@ -1,6 +1,6 @@
 //! `ci run` without a service: runs here, judged by limits and by the results of an earlier run.
 
-use super::{Measured, Results, RunArguments, file_reader};
+use super::{Measured, Results, RunArguments, Settings, file_reader};
 use crate::cli::{Bar, progress_bar};
 use afterimage::{
     gpu::Gpu,
@@ -8,11 +8,13 @@ use afterimage::{
     metrics::Value,
     run::{self, report::PresetReport, report::Report},
     sequence::Sequence,
-    statistics::median,
-    verdict::{Approved, Line, Outcome, Rules, better, overall, worst_frames},
+    verdict::{Approved, Line, Outcome, Rules, better, of_repeats, overall, worst_frames},
 };
-use anyhow::Context;
-use std::{collections::BTreeMap, fs};
+use anyhow::{Context, ensure};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+};
 
 pub fn run(arguments: &RunArguments, rules: &Rules) -> anyhow::Result<Results> {
     let baseline: Vec<Measured> = match &arguments.baseline {
@@ -26,8 +28,15 @@ pub fn run(arguments: &RunArguments, rules: &Rules) -> anyhow::Result<Results> {
     };
     let gpu = Gpu::open(None)?;
     let (mut checks, mut measured) = (Vec::new(), Vec::new());
+    let mut names = BTreeSet::new();
     for manifest in &arguments.manifests {
         let sequence = Sequence::open(manifest, &file_reader(Backend::Auto))?;
+        ensure!(
+            arguments.baseline.is_none() || names.insert(sequence.name().to_owned()),
+            "{}: another of these sequences is named `{}`, too, and a baseline compares by name; run them one by one",
+            manifest.display(),
+            sequence.name()
+        );
         let spec = arguments.what.spec(&sequence)?;
         let screen = Bar(progress_bar(sequence.name(), 0));
         let runs: Vec<Report> = (0..arguments.runs)
@@ -36,7 +45,16 @@ pub fn run(arguments: &RunArguments, rules: &Rules) -> anyhow::Result<Results> {
         screen.0.finish_and_clear();
         for index in 0..spec.presets.len() {
             let repeats: Vec<&PresetReport> = runs.iter().map(|run| &run.reports[index]).collect();
-            let line = Repeats { run: &runs[0], repeats };
+            let settings = Settings {
+                parameters: repeats[0].parameters.clone(),
+                history: Some(spec.history),
+                n_frames: spec.n_frames.filter(|&n| n < sequence.n_frames()),
+            };
+            let line = Repeats {
+                run: &runs[0],
+                repeats,
+                settings,
+            };
             line.judge(rules, &baseline, &mut checks);
             measured.push(line.measured());
         }
@@ -53,6 +71,7 @@ pub fn run(arguments: &RunArguments, rules: &Rules) -> anyhow::Result<Results> {
 struct Repeats<'a> {
     run: &'a Report,
     repeats: Vec<&'a PresetReport>,
+    settings: Settings,
 }
 
 impl Repeats<'_> {
@@ -61,7 +80,8 @@ impl Repeats<'_> {
         let mut values: BTreeMap<String, Vec<f64>> = BTreeMap::new();
         for report in &self.repeats {
             for (metric, summary) in &report.summary {
-                values.entry(metric.clone()).or_default().push(summary.mean.0);
+                let value = summary.headline(better(metric));
+                values.entry(metric.clone()).or_default().push(value.0);
             }
             let gpu_ms = report.times_ms.values().map(|time| time.median).reduce(|a, b| a + b);
             if let Some(ms) = gpu_ms {
@@ -75,11 +95,12 @@ impl Repeats<'_> {
         Measured {
             sequence: self.run.sequence.name.clone(),
             recipe: self.repeats[0].preset.clone(),
+            settings: self.settings.clone(),
             adapter: self.run.adapter.clone(),
             values: self
                 .values()
                 .into_iter()
-                .map(|(metric, values)| (metric, Value(median(&values))))
+                .map(|(metric, values)| (metric, Value(of_repeats(&values))))
                 .collect(),
             metric_versions: self.run.metric_versions.clone(),
             page: None,
@@ -89,7 +110,8 @@ impl Repeats<'_> {
 
     fn judge(&self, rules: &Rules, baseline: &[Measured], checks: &mut Vec<afterimage::verdict::Check>) {
         let (sequence, recipe) = (&self.run.sequence.name, &self.repeats[0].preset);
-        let earlier = |one: &&Measured| one.sequence == *sequence && one.recipe == *recipe;
+        let earlier =
+            |one: &&Measured| one.sequence == *sequence && one.recipe == *recipe && one.settings == self.settings;
         for (metric, values) in self.values() {
             let version = self.run.metric_versions.get(&metric).copied().unwrap_or(0);
             let same = baseline
@@ -101,12 +123,11 @@ impl Repeats<'_> {
                     .filter(|one| one.metric_versions.get(&metric).copied().unwrap_or(0) == version)
                     .filter_map(|one| Some(one.values.get(&metric)?.0))
                     .collect(),
-                newest_report_id: None,
-                dismissed: Vec::new(),
                 elsewhere: baseline
                     .iter()
                     .filter(earlier)
                     .any(|one| one.adapter != self.run.adapter),
+                ..Approved::default()
             };
             let mut found = rules.judge(&Line {
                 series_id: 0,
@@ -115,6 +136,7 @@ impl Repeats<'_> {
                 metric: &metric,
                 values: &values,
                 version,
+                report_id: None,
                 history: &[],
                 approved: &approved,
             });

@@ -15,6 +15,7 @@ use afterimage::{
     metrics::Value as MetricValue,
     run::report::AdapterInfo,
     sequence::Sequence,
+    taa::Precision,
     verdict::{Check, Outcome, Rules, overall},
 };
 use anyhow::{Context, bail, ensure};
@@ -168,6 +169,8 @@ struct ApproveArguments {
 struct Measured {
     sequence: String,
     recipe: String,
+    #[serde(flatten)]
+    settings: Settings,
     adapter: AdapterInfo,
     /// Medians, by metric.
     values: BTreeMap<String, MetricValue>,
@@ -178,6 +181,17 @@ struct Measured {
     /// Number on the service.
     #[serde(default)]
     report: Option<i64>,
+}
+
+/// What else must be equal for results to compare.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Settings {
+    /// All of the recipe's, or what was posted as such.
+    parameters: Value,
+    history: Option<Precision>,
+    /// Over how many frames, from the first; none for all of them.
+    n_frames: Option<usize>,
 }
 
 /// The whole outcome.
@@ -290,6 +304,7 @@ fn judge(client: &Client, ids: &[i64], rules: &Rules) -> anyhow::Result<Results>
         reports.push(Measured {
             sequence: text("sequence_name"),
             recipe: text("preset"),
+            settings: serde_json::from_value(report.clone())?,
             adapter: serde_json::from_value(report["adapter"].clone())?,
             values,
             metric_versions: serde_json::from_value(report["metric_versions"].clone())?,
@@ -309,6 +324,10 @@ fn judge(client: &Client, ids: &[i64], rules: &Rules) -> anyhow::Result<Results>
 fn approve(arguments: &ApproveArguments) -> anyhow::Result<Outcome> {
     let client = Client::new(&arguments.server, &arguments.token);
     ensure!(!arguments.why.trim().is_empty(), "--why: say why");
+    ensure!(
+        arguments.who.is_some() || arguments.token.token.is_some(),
+        "--who: say who decides, or use a token, which says it"
+    );
     let decision = if arguments.reject { "rejected" } else { "approved" };
     for id in &arguments.reports {
         let mut body = json!({"decision": decision, "why": arguments.why});

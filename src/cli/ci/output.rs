@@ -270,6 +270,7 @@ mod tests {
             reports: vec![Measured {
                 sequence: "ship <night>".to_owned(),
                 recipe: "ema|x".to_owned(),
+                settings: super::super::Settings::default(),
                 adapter: AdapterInfo {
                     name: text(),
                     backend: text(),

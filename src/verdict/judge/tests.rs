@@ -4,7 +4,7 @@ use super::*;
 
 fn history(values: &[f64]) -> Vec<Past> {
     let past = |(i, &value): (usize, &f64)| Past {
-        report_id: i as i64 + 1,
+        report_ids: vec![i as i64 + 1],
         commit: Some(format!("c{i}")),
         value,
         version: 1,
@@ -20,6 +20,7 @@ fn judge(rules: &str, metric: &str, values: &[f64], history: &[Past], approved: 
         metric,
         values,
         version: 1,
+        report_id: None,
         history,
         approved,
     };
@@ -101,7 +102,7 @@ fn a_change_counts_until_it_is_approved_and_only_for_the_worse() {
     );
     assert!(found.finding.effect_low.unwrap().0 > 0.19 && found.finding.effect_high.unwrap().0 < 0.21);
     let accepted = Approved {
-        newest_report_id: Some(15),
+        report_ids: vec![15],
         ..Approved::default()
     };
     assert_eq!(
@@ -200,7 +201,120 @@ fn a_fall_from_infinity_is_measured_within_the_window() {
         .collect();
     let found = judge(rules, "psnr", &[29.0], &history(&values), &Approved::default()).remove(0);
     assert_eq!(found.outcome, Outcome::Regression);
-    assert_eq!(found.finding.effect, Some(Value(-2.0)), "{}", found.detail);
+    let finding = &found.finding;
+    assert_eq!(
+        (finding.first_bad_commit.as_deref(), finding.effect, finding.effect_low),
+        (Some("c8"), Some(Value(f64::NEG_INFINITY)), None)
+    );
+    assert!(found.detail.contains("from ∞ to 29"), "{}", found.detail);
+}
+
+#[test]
+fn what_is_not_a_number_is_worse_than_anything() {
+    let (nan, inf) = (f64::NAN, f64::INFINITY);
+    let limit = "[[rule]]\nmetric = 'psnr'\nmin = 30";
+    let repeats = judge(limit, "psnr", &[34.0, nan, 34.1], &[], &Approved::default()).remove(0);
+    assert_eq!(repeats.outcome, Outcome::Regression, "one repeat is none");
+    assert!(repeats.detail.contains("not a number"), "{}", repeats.detail);
+
+    let baseline = "[[rule]]\nmetric = 'psnr'\nbaseline = 0.1";
+    let outcome = |value, set: &[f64]| judge(baseline, "psnr", &[value], &[], &approved(set))[0].outcome;
+    assert_eq!(outcome(50.0, &[nan]), Outcome::Unknown);
+    assert_eq!(
+        (outcome(34.0, &[nan, 34.0]), outcome(nan, &[34.0])),
+        (Outcome::Ok, Outcome::Regression)
+    );
+
+    for (metric, from, to, words) in [
+        ("psnr", 34.0, nan, "from 34 to NaN"),
+        ("psnr", 34.0, -inf, "from 34 to −∞"),
+        ("psnr", inf, 60.0, "from ∞ to 60"),
+        ("psnr", inf, nan, "from ∞ to NaN"),
+        ("flip", 0.1, inf, "from 0.1 to ∞"),
+        ("flip", 0.1, nan, "from 0.1 to NaN"),
+    ] {
+        let rules = format!("[[rule]]\nmetric = '{metric}'\nchange = {{ min_segment = 4 }}");
+        let values: Vec<f64> = [from, to].into_iter().flat_map(|level| [level; 8]).collect();
+        let check =
+            |values: &[f64]| judge(&rules, metric, &values[15..], &history(values), &Approved::default()).remove(0);
+        let found = check(&values);
+        assert_eq!(
+            found.outcome,
+            Outcome::Regression,
+            "{metric}: {from} to {to}: {found:?}"
+        );
+        assert_eq!(found.finding.first_bad_commit.as_deref(), Some("c8"));
+        assert!(found.detail.contains(words), "{}", found.detail);
+        let back: Vec<f64> = values.into_iter().rev().collect();
+        assert_eq!(check(&back).outcome, Outcome::Ok, "{metric}: {to} to {from}");
+    }
+}
+
+#[test]
+fn a_change_for_the_worse_outlasts_the_window() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4, window = 12 }";
+    let outcome = |last: f64, n: usize, approved: &Approved| {
+        let mut values = [[1.0; 10], [1.3; 10]].concat();
+        values.extend(vec![last; n]);
+        let found = judge(rules, "gpu_time_ms", &[last], &history(&values), approved).remove(0);
+        assert!(
+            found.outcome != Outcome::Regression || found.finding.first_bad_commit.as_deref() == Some("c10"),
+            "{found:?}"
+        );
+        found.outcome
+    };
+    let open = Approved {
+        open: Some(11),
+        ..Approved::default()
+    };
+    for n in [0, 1, 5, 10, 40] {
+        assert_eq!(outcome(1.3, n, &open), Outcome::Regression, "{n} results later");
+    }
+    assert_eq!(
+        outcome(1.3, 10, &Approved::default()),
+        Outcome::Ok,
+        "nothing is seen of it"
+    );
+    assert_eq!(outcome(1.0, 10, &open), Outcome::Ok, "made good");
+    assert_eq!(outcome(1.15, 10, &open), Outcome::Regression, "half made good");
+    let accepted = Approved {
+        report_ids: vec![15],
+        ..open
+    };
+    assert_eq!(outcome(1.3, 10, &accepted), Outcome::Ok);
+}
+
+#[test]
+fn what_is_approved_elsewhere_accepts_nothing_here() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let past = history(&[[1.0; 8], [1.3; 8]].concat());
+    let outcome = |id| {
+        let approved = Approved {
+            report_ids: vec![id],
+            ..Approved::default()
+        };
+        judge(rules, "gpu_time_ms", &[1.3], &past, &approved)[0].outcome
+    };
+    assert_eq!([9, 12].map(outcome), [Outcome::Ok; 2]);
+    assert_eq!(
+        [8, 99].map(outcome),
+        [Outcome::Regression; 2],
+        "before it, and on another branch"
+    );
+}
+
+#[test]
+fn a_dismissed_change_that_is_seen_to_begin_later_is_the_same() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let past = history(&[[1.0; 8], [1.3; 8]].concat());
+    for dismissed in [7, 8, 9, 10] {
+        let approved = Approved {
+            dismissed: vec![dismissed],
+            ..Approved::default()
+        };
+        let found = judge(rules, "gpu_time_ms", &[1.3], &past, &approved).remove(0);
+        assert_eq!(found.finding.first_bad_report, Some(dismissed), "{found:?}");
+    }
 }
 
 #[test]

@@ -1,0 +1,175 @@
+//! Alerts as a line goes on: what they name, and what opens, moves and closes them.
+
+use crate::support::service::{Client, Idle, TestService};
+use serde_json::{Value, json};
+
+/// Posts one value of a commit; the report's number and what its rules say.
+fn post(client: &Client, commit: &str, value: Value, more: Value) -> (i64, Value) {
+    let mut report = json!({"sequence": "ship", "system": "engine", "branch": "main", "commit": commit,
+        "values": {"psnr": value}, "rules": {"rule": [{"metric": "psnr", "change": {"min_effect": 0.2}}]}});
+    report
+        .as_object_mut()
+        .unwrap()
+        .extend(more.as_object().unwrap().clone());
+    let posted = client.posted("/reports", &report);
+    (posted["id"].as_i64().unwrap(), posted["judgement"].clone())
+}
+
+/// Posts commits from `first` on, 34 dB each up to `m19`, then 33.
+fn nights(client: &Client, first: usize, end: usize) {
+    for i in first..end {
+        let noise = 0.02 * ((i * 7) % 5) as f64;
+        let level = if i < 20 { 34.0 } else { 33.0 };
+        post(client, &format!("m{i}"), json!(level + noise), json!({}));
+    }
+}
+
+fn listed(client: &Client, query: &str) -> Vec<Value> {
+    let alerts = client.get(&format!("/alerts?{query}")).json()["alerts"].clone();
+    alerts.as_array().unwrap().clone()
+}
+
+#[test]
+fn an_alert_moves_with_what_is_known() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    nights(&client, 0, 28);
+    let alert = &listed(&client, "status=open")[0];
+    assert_eq!(
+        (
+            &alert["finding"]["first_bad_commit"],
+            &alert["finding"]["last_good_commit"]
+        ),
+        (&json!("m20"), &json!("m19"))
+    );
+    assert_eq!(alert["report_id"], 21);
+    assert_eq!(
+        (listed(&client, "since=m20").len(), listed(&client, "since=m21").len()),
+        (1, 0)
+    );
+
+    // The last good result is no answer to it.
+    let approve = |id: i64| {
+        let decision = json!({"decision": "approved", "why": "looked at it", "who": "jane"});
+        client.posted(&format!("/reports/{id}/decisions"), &decision)
+    };
+    approve(20);
+    assert_eq!(listed(&client, "status=open").len(), 1);
+
+    let reason = json!({"why": "expected", "who": "jane"});
+    client.posted(&format!("/alerts/{}/dismiss", alert["id"]), &reason);
+    nights(&client, 28, 34);
+    assert_eq!(listed(&client, "status=open").len(), 0, "it was dismissed");
+}
+
+#[test]
+fn an_approval_answers_for_its_branch_alone() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    nights(&client, 0, 28);
+    let topic = json!({"branch": "topic", "from": {"branch": "main", "commit": "m10"}});
+    let (id, judgement) = post(&client, "t1", json!(34.0), topic);
+    assert_eq!(judgement["outcome"], "ok", "main fell after they parted");
+    let decision = json!({"decision": "approved", "why": "good", "who": "jane"});
+    client.posted(&format!("/reports/{id}/decisions"), &decision);
+    assert_eq!(listed(&client, "status=open").len(), 1);
+    nights(&client, 28, 30);
+    assert_eq!(listed(&client, "status=open").len(), 1);
+    client.posted("/reports/28/decisions", &decision);
+    assert_eq!(listed(&client, "status=open").len(), 0);
+}
+
+#[test]
+fn what_is_measured_again_stays_where_it_was() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    nights(&client, 0, 30);
+    for commit in ["m10", "m11", "m12", "m13"] {
+        assert_eq!(post(&client, commit, json!(34.0), json!({})).1["outcome"], "regression");
+    }
+    assert_eq!(listed(&client, "status=open")[0]["finding"]["first_bad_commit"], "m20");
+
+    // Limits: an old commit that is bad opens nothing, and names what was before it.
+    let rules = json!({"rules": {"rule": [{"metric": "psnr", "min": 33.5}]}, "branch": "limits"});
+    for (commit, value) in [("a", 34.0), ("b", 33.0), ("c", 34.0)] {
+        post(&client, commit, json!(value), rules.clone());
+    }
+    let check = post(&client, "b", json!(33.0), rules).1["checks"][0].clone();
+    assert_eq!(
+        (
+            &check["finding"]["first_bad_commit"],
+            &check["finding"]["last_good_commit"]
+        ),
+        (&json!("b"), &json!("a"))
+    );
+    assert_eq!(listed(&client, "status=open&branch=limits").len(), 0);
+}
+
+#[test]
+fn results_are_ordered_by_their_parents() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let mut last = Value::Null;
+    // Every commit but the first is posted before its neighbour.
+    for i in (0..15).flat_map(|pair| [2 * pair + 1, 2 * pair]) {
+        let level = if i < 20 { 34.0 } else { 33.0 };
+        let parent = json!({"parent": format!("m{}", i as i64 - 1)});
+        last = post(&client, &format!("m{i}"), json!(level), parent).1["checks"][0].clone();
+    }
+    assert_eq!(
+        (
+            &last["finding"]["first_bad_commit"],
+            &last["finding"]["last_good_commit"]
+        ),
+        (&json!("m20"), &json!("m19"))
+    );
+}
+
+#[test]
+fn a_branch_may_be_told_of_its_past_later() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let topic = json!({"branch": "topic", "from": {"branch": "main", "commit": "m11"}});
+    post(&client, "t0", json!(34.0), topic.clone());
+    nights(&client, 0, 12);
+    for i in 1..8 {
+        post(&client, &format!("t{i}"), json!(30.0), topic.clone());
+    }
+    let branches = client.get("/projects/default/branches").json();
+    let found = branches["branches"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|branch| branch["name"] == "topic");
+    assert_eq!(found.unwrap()["parent"], "main", "{branches}");
+    let alert = &listed(&client, "status=open")[0];
+    assert_eq!(alert["finding"]["first_bad_commit"], "t1");
+}
+
+#[test]
+fn frames_that_are_not_numbers_are_no_good_result() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let rules = json!({"rule": [{"metric": "psnr", "min": 30, "baseline": 0.5}]});
+    let outcome = |broken: &Value| {
+        let frames: Vec<Value> = (0..12)
+            .map(|i| json!({"index": i, "metrics": {"psnr": if i == 7 { broken.clone() } else { json!(34.0) }}}))
+            .collect();
+        let report =
+            json!({"sequence": "ship", "system": "engine", "branch": "main", "frames": frames, "rules": rules});
+        let posted = client.posted("/reports", &report);
+        let id = posted["id"].as_i64().unwrap();
+        let value = client.get(&format!("/reports/{id}")).json()["values"]["psnr"].clone();
+        (id, posted["judgement"]["checks"][0].clone(), value)
+    };
+    let (good, check, _) = outcome(&json!("inf"));
+    assert_eq!(check["outcome"], "ok", "an equal frame harms nobody");
+    let decision = json!({"decision": "approved", "why": "good", "who": "jane"});
+    client.posted(&format!("/reports/{good}/decisions"), &decision);
+    for broken in [json!("nan"), json!("-inf")] {
+        let (_, check, value) = outcome(&broken);
+        assert_eq!((&check["outcome"], &value), (&json!("regression"), &broken));
+        assert_eq!(check["finding"]["worst_frames"][0], 7);
+    }
+    assert_eq!(listed(&client, "status=open").len(), 2, "limit and baseline");
+}
