@@ -600,7 +600,7 @@ class Finding2(TypedDict):
     last_good_report: Union[int, None]
     #: What it was held against.
     limit: Union["Value", None]
-    #: The value judged: the median of the repeats.
+    #: The value judged: the median of the repeats, or NaN where one of them is.
     value: Union["Value", None]
     #: Frames of the judged report that are worst, worst first.
     worst_frames: List[int]
@@ -1725,19 +1725,24 @@ class Client:
     def upload_blob(self, content: bytes) -> str:
         """Puts a blob, unless it is there, from where an earlier upload stopped; its SHA-256"""
         sha256 = hashlib.sha256(content).hexdigest()
-        try:
-            offset = self.head_blob(sha256)
+        for attempt in range(1, self.attempts + 1):
+            try:
+                offset = self.head_blob(sha256)
+            except Problem as problem:
+                if problem.status != 404:
+                    raise
+                offset = 0
             if offset is None:
-                return sha256
-        except Problem as problem:
-            if problem.status != 404:
-                raise
-            offset = 0
-        rest = content[offset:]
-        if offset and rest:
-            self.put_blob(sha256, rest, content_range=f"bytes {offset}-{len(content) - 1}/{len(content)}")
-        else:
-            self.put_blob(sha256, content)
+                break
+            rest, total = content[offset:], len(content)
+            place = f"bytes {offset}-{total - 1}/{total}" if rest else f"bytes */{total}"
+            try:
+                self.put_blob(sha256, rest, content_range=place if total else None)
+                break
+            except Problem as problem:
+                # A try that broke off left more of it than was known.
+                if problem.code != "wrong_offset" or attempt == self.attempts:
+                    raise
         return sha256
 
     def wait_for_job(self, job: int, seconds: float = 3600.0) -> "JobWithReports":

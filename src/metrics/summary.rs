@@ -37,13 +37,14 @@ impl Summary {
     }
 
     /// The number that stands for the sequence where results are judged: the mean, unless a frame is as bad as can be. Not a
-    /// number where any frame is none; the infinity on the worse side where any frame is there.
+    /// number where any frame is none; the infinity on the worse side where any frame is there, and where that is not known, any
+    /// infinity.
     pub fn headline(&self, better: Option<Better>) -> Value {
         let is_below = self.min.0 == f64::NEG_INFINITY;
         match better {
             _ if self.nan > 0 => Value(f64::NAN),
-            Some(Better::Higher) if is_below => self.min,
-            Some(Better::Lower) if self.infinite > 0 && !is_below => Value(f64::INFINITY),
+            Some(Better::Higher) | None if is_below => self.min,
+            Some(Better::Lower) | None if self.infinite > 0 && !is_below => Value(f64::INFINITY),
             _ => self.mean,
         }
     }
@@ -131,6 +132,9 @@ mod tests {
         );
         assert_eq!(headline(Metric::PSNR, &[34.0, f64::INFINITY], Better::Higher), 34.0);
         assert_eq!(headline(Metric::MSE, &[0.5, 0.0], Better::Lower), 0.25);
+        let unknown = |values: [f64; 2]| Summary::of("mine", values.map(Value)).headline(None).0;
+        assert_eq!(unknown([1.0, f64::INFINITY]), f64::INFINITY);
+        assert_eq!(unknown([1.0, f64::NEG_INFINITY]), f64::NEG_INFINITY);
     }
 
     #[test]

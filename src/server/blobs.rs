@@ -94,7 +94,11 @@ pub async fn put(
         return Ok(response);
     }
     let first = range.as_ref().map_or(0, |range| range.first);
-    let n_bytes = append(body.into_data_stream(), &partial, first, max_bytes).await?;
+    let rest = match &range {
+        Some(range) if range.first == range.total => Body::empty(),
+        _ => body,
+    };
+    let n_bytes = append(rest.into_data_stream(), &partial, first, max_bytes).await?;
     if range.is_some_and(|range| n_bytes < range.total) {
         return Ok((StatusCode::ACCEPTED, [(UPLOAD_OFFSET, n_bytes)]).into_response());
     }
@@ -118,7 +122,7 @@ impl Range {
         let parse = || {
             let (range, total) = value.to_str().ok()?.strip_prefix("bytes ")?.split_once('/')?;
             if range == "*" {
-                let total = total.parse().ok()?;
+                let total = total.parse().ok().filter(|total| *total > 0)?;
                 return Some(Self { first: total, total });
             }
             let (first, last) = range.split_once('-')?;

@@ -34,11 +34,16 @@ const MAX_ANSWER_BYTES: usize = 16 << 20;
 #[derive(Default)]
 pub struct InProgress(Mutex<HashMap<(i64, String), [u8; 32]>>);
 
+/// Kept as the status of a request whose result is stored and whose answer is still to be found; its body lists the reports.
+const STORED: u16 = StatusCode::PROCESSING.as_u16();
+
 /// A request's key.
 struct Key {
     token_id: i64,
     key: String,
     fingerprint: [u8; 32],
+    /// The reports that an earlier try has stored.
+    stored: Option<Vec<i64>>,
     is_kept: AtomicBool,
 }
 
@@ -54,31 +59,49 @@ impl<S: Send + Sync> FromRequestParts<S> for Keyed {
 }
 
 impl Keyed {
-    /// Keeps the answer with the result: status, location and body, by the numbers of the reports. Where it is not final yet,
-    /// what is answered in the end replaces it.
+    /// The reports that an earlier try of the request has stored, whose answer is still to be found.
+    pub fn stored(&self) -> Option<&[i64]> {
+        self.0.as_ref()?.stored.as_deref()
+    }
+
+    /// Keeps the answer with the result: status, location and body, by the numbers of the reports.
     pub fn keep<T: Serialize>(
-        self,
-        is_final: bool,
+        &self,
         answer: impl Fn(&[i64]) -> (StatusCode, Option<String>, T) + Send + Sync + 'static,
     ) -> Option<Keep> {
-        let key = self.0?;
-        key.is_kept.store(is_final, Relaxed);
-        let fingerprint = key.fingerprint;
-        let answer = move |ids: &[i64]| {
+        self.0.as_ref()?.is_kept.store(true, Relaxed);
+        self.keep_as(move |ids| {
             let (status, location, body) = answer(ids);
             let mut headers = vec![(header::CONTENT_TYPE.to_string(), "application/json".to_owned())];
             headers.extend(location.map(|location| (header::LOCATION.to_string(), location)));
-            KeptAnswer {
-                fingerprint,
-                status: status.as_u16(),
-                headers,
-                body: serde_json::to_vec(&body).unwrap_or_default(),
-            }
-        };
+            let body = serde_json::to_vec(&body).unwrap_or_default();
+            (status.as_u16(), headers, body)
+        })
+    }
+
+    /// Keeps with the result that it is stored. The answer, which is found afterwards, replaces that.
+    pub fn keep_stored(&self) -> Option<Keep> {
+        self.keep_as(|ids| (STORED, Vec::new(), serde_json::to_vec(ids).unwrap_or_default()))
+    }
+
+    fn keep_as(
+        &self,
+        answer: impl Fn(&[i64]) -> (u16, Vec<(String, String)>, Vec<u8>) + Send + Sync + 'static,
+    ) -> Option<Keep> {
+        let key = self.0.as_ref()?;
+        let fingerprint = key.fingerprint;
         Some(Keep {
             token_id: key.token_id,
             key: key.key.clone(),
-            answer: Box::new(answer),
+            answer: Box::new(move |ids| {
+                let (status, headers, body) = answer(ids);
+                KeptAnswer {
+                    fingerprint,
+                    status,
+                    headers,
+                    body,
+                }
+            }),
         })
     }
 }
@@ -146,17 +169,18 @@ async fn keyed(service: &Service, caller: &Caller, request: Request<Body>, next:
     let fingerprint = fingerprint(&parts.uri.to_string(), &body);
     let key = (caller.token_id, key);
     let _mark = service.in_progress.begin(key.clone(), fingerprint)?;
-    if let Some(kept) = service.store.kept_answer(key.0, &key.1).await? {
-        return match kept.fingerprint == fingerprint {
-            true => Ok(replay(kept)),
-            false => Err(other_request()),
-        };
-    }
+    let stored = match service.store.kept_answer(key.0, &key.1).await? {
+        None => None,
+        Some(kept) if kept.fingerprint != fingerprint => return Err(other_request()),
+        Some(kept) if kept.status != STORED => return Ok(replay(kept)),
+        Some(kept) => Some(serde_json::from_slice(&kept.body).map_err(ApiError::internal)?),
+    };
     let mut request = Request::from_parts(parts, Body::from(body));
     let kept = Arc::new(Key {
         token_id: key.0,
         key: key.1.clone(),
         fingerprint,
+        stored,
         is_kept: AtomicBool::new(false),
     });
     request.extensions_mut().insert(Arc::clone(&kept));

@@ -1,10 +1,11 @@
 //! `POST /verdicts`: reports held against rules. Also what follows from it: the rules are kept as the branch's, alerts are
 //! opened and resolved, webhooks are told.
 
-use super::{ApiError, Service, Shared, blocking, extract::ApiJson, tidying};
+use super::{ApiError, Service, Shared, blocking, extract::ApiJson};
 use crate::{
+    statistics::median,
     store::{GPU_TIME, Point, Report, Timestamp, TrendFilter},
-    verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, of_repeats, overall, worst_frames},
+    verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, overall, worst_frames},
 };
 use axum::{Json, extract::State};
 use schemars::JsonSchema;
@@ -67,7 +68,7 @@ pub async fn post(
 
 /// Everything of one metric of one line, gathered before it is judged off the async threads.
 struct Gathered {
-    report: Arc<Report>,
+    reports: Vec<Arc<Report>>,
     metric: String,
     values: Vec<f64>,
     version: u32,
@@ -79,9 +80,9 @@ struct Gathered {
 pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<Judgement, ApiError> {
     let reports = load(service, ids).await?;
     let (project, branch) = place(&reports)?;
-    let mut by_series: BTreeMap<i64, Vec<&Arc<Report>>> = BTreeMap::new();
+    let mut by_series: BTreeMap<i64, Vec<Arc<Report>>> = BTreeMap::new();
     for report in &reports {
-        by_series.entry(report.series.id).or_default().push(report);
+        by_series.entry(report.series.id).or_default().push(Arc::clone(report));
     }
     let mut gathered = Vec::new();
     for reports in by_series.values() {
@@ -112,9 +113,8 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
     };
     let current: Vec<Check> = checks.iter().filter(stands).cloned().collect();
     let alerts = service.store.note_checks(&project, &branch, &current, now).await?;
-    if service.store.is_silent(&project, &branch).await? {
-        tidying::note_silence(service, now).await?;
-    }
+    let series: Vec<i64> = by_series.keys().copied().collect();
+    service.store.note_heard(&branch, &series, now).await?;
     let judgement = Judgement {
         outcome: overall(&checks),
         checks,
@@ -157,34 +157,36 @@ fn place(reports: &[Arc<Report>]) -> Result<(String, String), ApiError> {
 }
 
 /// What any of these has a value of.
-fn measured(reports: &[&Arc<Report>]) -> BTreeSet<String> {
+fn measured(reports: &[Arc<Report>]) -> BTreeSet<String> {
     let metrics = reports.iter().flat_map(|report| report.values.keys().cloned());
     let times = reports.iter().filter_map(|report| report.gpu_time_ms);
     metrics.chain(times.map(|_| GPU_TIME.to_owned())).collect()
 }
 
-/// Whether a history ends with a report, or with another of its commit.
-fn ends_with(history: &[Past], report: &Report) -> bool {
-    history.last().is_none_or(|newest| {
+/// Whether a history ends with one of the reports, or with another of their commits.
+fn ends_with(history: &[Past], reports: &[Arc<Report>]) -> bool {
+    let is_of = |newest: &Past, report: &Report| {
         let commit = &report.provenance.commit;
         newest.report_ids.contains(&report.id) || commit.is_some() && newest.commit == *commit
-    })
+    };
+    let newest = history.last();
+    newest.is_none_or(|newest| reports.iter().any(|report| is_of(newest, report)))
 }
 
 /// Whether any of the reports is of its line's newest commit on the branch, or of no branch.
 async fn is_current(
     service: &Service,
-    by_series: &BTreeMap<i64, Vec<&Arc<Report>>>,
+    by_series: &BTreeMap<i64, Vec<Arc<Report>>>,
     branch: &str,
 ) -> Result<bool, ApiError> {
     for reports in by_series.values() {
-        let newest = reports[reports.len() - 1];
-        // Every report is in the history of each of its metrics.
+        let newest = &reports[reports.len() - 1];
+        // Some report is in the history of each of their metrics.
         let history = match measured(reports).first() {
             Some(metric) if !branch.is_empty() => history(service, newest, branch, metric).await?,
             _ => Vec::new(),
         };
-        if ends_with(&history, newest) {
+        if ends_with(&history, reports) {
             return Ok(true);
         }
     }
@@ -208,19 +210,19 @@ async fn history(service: &Service, report: &Report, branch: &str, metric: &str)
 
 async fn gather(
     service: &Service,
-    reports: &[&Arc<Report>],
+    reports: &[Arc<Report>],
     branch: &str,
     rules: &Rules,
     gathered: &mut Vec<Gathered>,
 ) -> Result<(), ApiError> {
-    let (store, newest) = (&service.store, reports[reports.len() - 1]);
+    let (store, newest) = (&service.store, &reports[reports.len() - 1]);
     let series = &newest.series;
     for metric in measured(reports) {
         let asked = rules.checks(&series.sequence_name, &series.preset, &metric);
         if asked == crate::verdict::Checks::default() {
             continue;
         }
-        let value = |report: &&Arc<Report>| match metric == GPU_TIME {
+        let value = |report: &Arc<Report>| match metric == GPU_TIME {
             true => report.gpu_time_ms,
             false => report.values.get(&metric).map(|value| value.0),
         };
@@ -229,7 +231,7 @@ async fn gather(
             false => newest.metric_versions.get(&metric).copied().unwrap_or(0),
         };
         gathered.push(Gathered {
-            report: Arc::clone(newest),
+            reports: reports.to_vec(),
             values: reports.iter().filter_map(value).collect(),
             approved: store.approved(series.id, &metric, version, branch).await?,
             history: history(service, newest, branch, &metric).await?,
@@ -282,31 +284,44 @@ pub(super) fn past(points: Vec<Point>) -> Vec<Past> {
             Past {
                 report_ids: repeats.iter().map(|point| point.report_id).collect(),
                 commit: repeats[0].commit.clone(),
-                value: of_repeats(&repeats.iter().map(|point| point.value.0).collect::<Vec<_>>()),
+                value: of_measurements(&repeats.iter().map(|point| point.value.0).collect::<Vec<_>>()),
                 version: repeats[0].metric_version,
             }
         })
         .collect()
 }
 
+/// The median of what a commit was measured as, whenever that was; not a number where it mostly was none.
+fn of_measurements(values: &[f64]) -> f64 {
+    let numbers: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+    match 2 * numbers.len() > values.len() {
+        true => median(&numbers),
+        false => f64::NAN,
+    }
+}
+
 impl Gathered {
+    fn newest(&self) -> &Report {
+        &self.reports[self.reports.len() - 1]
+    }
+
     fn key(&self) -> (i64, String) {
-        (self.report.series.id, self.metric.clone())
+        (self.newest().series.id, self.metric.clone())
     }
 
     fn is_superseded(&self) -> bool {
-        !ends_with(&self.history, &self.report)
+        !ends_with(&self.history, &self.reports)
     }
 
     fn judge(&self, rules: &Rules) -> Vec<Check> {
         rules.judge(&Line {
-            series_id: self.report.series.id,
-            sequence: &self.report.series.sequence_name,
-            recipe: &self.report.series.preset,
+            series_id: self.newest().series.id,
+            sequence: &self.newest().series.sequence_name,
+            recipe: &self.newest().series.preset,
             metric: &self.metric,
             values: &self.values,
             version: self.version,
-            report_id: Some(self.report.id),
+            report_id: Some(self.newest().id),
             history: &self.history,
             approved: &self.approved,
         })

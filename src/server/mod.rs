@@ -296,6 +296,7 @@ impl Running {
         let serving = async {
             let mut server = axum_server::Server::<SocketAddr>::from_listener(self.listener)
                 .http1_only()
+                .accept_error_handler(|_, error| tracing::error!(%error, "cannot accept a connection"))
                 .handle(connections.clone());
             server.http_builder().http1().header_read_timeout(PATIENCE);
             let served = server
@@ -385,10 +386,17 @@ fn worth_compressing() -> impl Predicate {
 }
 
 /// Bytes that cannot be unfolded would be taken for what they are not.
-async fn known_encoding(request: Request<axum::body::Body>, next: Next) -> Result<Response, ApiError> {
+async fn known_encoding(mut request: Request<axum::body::Body>, next: Next) -> Result<Response, ApiError> {
     let encoding = request.headers().get(header::CONTENT_ENCODING);
-    if encoding.is_none_or(|encoding| encoding == "gzip" || encoding == "identity") {
-        return Ok(next.run(request).await);
+    let encoding = encoding.map_or(Vec::new(), |encoding| encoding.as_bytes().to_ascii_lowercase());
+    match encoding.as_slice() {
+        b"" | b"identity" => return Ok(next.run(request).await),
+        b"gzip" | b"x-gzip" => {
+            let gzip = HeaderValue::from_static("gzip");
+            request.headers_mut().insert(header::CONTENT_ENCODING, gzip);
+            return Ok(next.run(request).await);
+        }
+        _ => {}
     }
     let detail = "the body may be sent as it is or with `content-encoding: gzip`";
     let refused = ApiError::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unknown_encoding", detail);

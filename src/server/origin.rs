@@ -102,8 +102,23 @@ macro_rules! with_origin {
 pub(super) use with_origin;
 
 impl Origin {
-    /// Refuses what is too long or no name.
-    pub fn check(self) -> Result<(String, Provenance), ApiError> {
+    /// Refuses what is too long or no name. What is empty, as a script's variable that is not set, was not given.
+    pub fn check(mut self) -> Result<(String, Provenance), ApiError> {
+        for text in [
+            &mut self.project,
+            &mut self.branch,
+            &mut self.commit,
+            &mut self.parent,
+            &mut self.pull_request,
+            &mut self.engine_version,
+            &mut self.label,
+        ] {
+            text.take_if(|text| text.is_empty());
+        }
+        self.from.take_if(|from| from.branch.is_empty());
+        if let Some(from) = &mut self.from {
+            from.commit.take_if(|commit| commit.is_empty());
+        }
         let from = self.from.as_ref();
         for (field, text) in [
             ("branch", &self.branch),

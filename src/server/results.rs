@@ -261,18 +261,25 @@ pub async fn post(
         }
     }
     let complete = !request.open;
-    let report = request.report(&service).await?;
     let address = |id: i64| format!("/api/v1/reports/{id}");
-    let keep = key.keep(rules.is_none(), move |ids| {
-        let id = ids[0];
-        let posted = Posted {
-            id,
-            complete,
-            judgement: None,
-        };
-        (StatusCode::CREATED, Some(address(id)), posted)
-    });
-    let id = service.store.ingest().keeping(keep).report(report).await?;
+    let id = match key.stored() {
+        Some(ids) => ids[0],
+        None => {
+            let keep = match rules {
+                Some(_) => key.keep_stored(),
+                None => key.keep(move |ids| {
+                    let posted = Posted {
+                        id: ids[0],
+                        complete,
+                        judgement: None,
+                    };
+                    (StatusCode::CREATED, Some(address(ids[0])), posted)
+                }),
+            };
+            let report = request.report(&service).await?;
+            service.store.ingest().keeping(keep).report(report).await?
+        }
+    };
     let judgement = match rules {
         Some(rules) => Some(judging::judge(&service, &[id], rules).await?),
         None => None,
@@ -318,7 +325,7 @@ pub async fn post_frames(
         return Err(invalid("frames", "give at least one frame".to_owned()));
     }
     let n_frames = frames.len();
-    let keep = key.keep(true, move |_| (StatusCode::OK, None, FramesPosted { id, n_frames }));
+    let keep = key.keep(move |_| (StatusCode::OK, None, FramesPosted { id, n_frames }));
     service.store.ingest().keeping(keep).frames(id, frames).await?;
     Ok(Json(FramesPosted { id, n_frames }))
 }
@@ -345,16 +352,21 @@ pub async fn close(
         rules.validate().map_err(judging::rules_error)?;
     }
     let complete = true;
-    let keep = key.keep(request.rules.is_none(), move |_| {
-        let posted = Posted {
-            id,
-            complete,
-            judgement: None,
+    if key.stored().is_none() {
+        let keep = match request.rules {
+            Some(_) => key.keep_stored(),
+            None => key.keep(move |_| {
+                let posted = Posted {
+                    id,
+                    complete,
+                    judgement: None,
+                };
+                (StatusCode::OK, None, posted)
+            }),
         };
-        (StatusCode::OK, None, posted)
-    });
-    let ingest = service.store.ingest().keeping(keep);
-    ingest.close(id, request.metric_versions).await?;
+        let ingest = service.store.ingest().keeping(keep);
+        ingest.close(id, request.metric_versions).await?;
+    }
     let judgement = match request.rules {
         Some(rules) => Some(judging::judge(&service, &[id], rules).await?),
         None => None,
@@ -453,7 +465,7 @@ pub async fn post_bencher(
         };
         reports.push(request.report(&service).await?);
     }
-    let keep = key.keep(true, |ids| (StatusCode::CREATED, None, PostedAll { ids: ids.to_vec() }));
+    let keep = key.keep(|ids| (StatusCode::CREATED, None, PostedAll { ids: ids.to_vec() }));
     let ids = service.store.ingest().keeping(keep).reports(reports).await?;
     Ok((StatusCode::CREATED, Json(PostedAll { ids })))
 }

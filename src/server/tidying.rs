@@ -33,11 +33,6 @@ async fn once(service: &Service) -> Result<(), StoreError> {
     if let Err(error) = service.folder.forget_blobs(SystemTime::now() - BLOBS_KEPT) {
         tracing::warn!(%error, "cannot remove old blobs");
     }
-    note_silence(service, now).await
-}
-
-/// Opens and resolves the alerts of lines that are silent, and tells of the new ones.
-pub async fn note_silence(service: &Service, now: Timestamp) -> Result<(), StoreError> {
     for id in service.store.note_silence(now).await? {
         let filter = crate::store::AlertFilter {
             id: Some(id),

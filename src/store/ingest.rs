@@ -353,7 +353,8 @@ async fn keep(
 ) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO idempotency_keys (token_id, key, fingerprint, status, headers, body, created_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (token_id, key) DO UPDATE SET body = excluded.body",
+         VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (token_id, key) DO UPDATE
+         SET status = excluded.status, headers = excluded.headers, body = excluded.body",
     )
     .bind(token_id)
     .bind(key)

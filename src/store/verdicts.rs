@@ -1,7 +1,7 @@
 //! Rules as they were last sent, what people approved, and alerts.
 
 use super::{Series, SeriesFilter, Store, StoreError, Timestamp, reading::json};
-use crate::verdict::{Approved, Check, Finding, Kind, Outcome, Rules, matches};
+use crate::verdict::{Approved, ChangeState, Check, Finding, Kind, KnownChange, Outcome, Rules, matches};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
@@ -95,6 +95,9 @@ struct StoredFinding {
     finding: Finding,
 }
 
+/// An approved report, its commit, its value and the metric's version.
+type ApprovedRow = (i64, Option<String>, Option<f64>, Option<i64>);
+
 /// Which alerts to list, newest first.
 #[derive(Clone, Debug, Default)]
 pub struct AlertFilter {
@@ -106,7 +109,7 @@ pub struct AlertFilter {
     pub branch: Option<String>,
     /// Only the one with this number.
     pub id: Option<i64>,
-    /// Only those that name this commit first, or were opened after it was measured.
+    /// Only those whose first bad report is this one or a later one.
     pub since_report: Option<i64>,
     /// Only those with smaller numbers.
     pub before: Option<i64>,
@@ -228,7 +231,12 @@ impl Store {
         if let (Some(decision), Verdict::Approved) = (&decision, verdict) {
             sqlx::query(
                 "UPDATE alerts SET status = 'resolved', closed_why = 'approved: ' || ?1, closed_by = ?2, closed_at = ?3
-                 WHERE status = 'open' AND series_id = ?4 AND kind IN ('baseline', 'change') AND report_id <= ?5
+                 WHERE status = 'open' AND series_id = ?4 AND kind IN ('baseline', 'change')
+                   -- Verdicts put a commit where it was measured first.
+                   AND report_id <= (SELECT min(first.id) FROM reports JOIN reports AS first
+                                     ON first.series_id = reports.series_id AND first.branch_id IS reports.branch_id
+                                        AND (first.id = reports.id OR first.git_commit = reports.git_commit)
+                                     WHERE reports.id = ?5)
                    AND branch = coalesce((SELECT name FROM branches JOIN reports ON branch_id = branches.id
                                           WHERE reports.id = ?5), '')",
             )
@@ -273,9 +281,10 @@ impl Store {
         version: u32,
         branch: &str,
     ) -> Result<Approved, StoreError> {
-        let rows: Vec<(i64, Option<f64>, Option<i64>)> = sqlx::query_as(
-            "SELECT last.report_id, points.value, points.version
+        let rows: Vec<ApprovedRow> = sqlx::query_as(
+            "SELECT last.report_id, git_commit, points.value, points.version
              FROM (SELECT report_id, decision, max(id) FROM decisions WHERE series_id = ?1 GROUP BY report_id) AS last
+             JOIN reports ON reports.id = last.report_id
              LEFT JOIN points ON points.series_id = ?1 AND points.report_id = last.report_id
                   AND points.metric_id = (SELECT id FROM metrics WHERE name = ?2)
              WHERE last.decision = 'approved'",
@@ -288,30 +297,36 @@ impl Store {
             false => false,
             true => self.is_approved_elsewhere(series_id).await?,
         };
-        let changes: Vec<(AlertStatus, i64)> = sqlx::query_as(
-            "SELECT status, report_id FROM alerts
-             WHERE status IN ('open', 'dismissed') AND series_id = ? AND metric = ? AND kind = 'change' AND branch = ?
-               AND report_id IS NOT NULL",
+        let changes: Vec<(AlertStatus, i64, Option<f64>)> = sqlx::query_as(
+            "SELECT status, report_id, CASE json_type(finding, '$.finding.effect')
+                        WHEN 'real' THEN json_extract(finding, '$.finding.effect')
+                        WHEN 'integer' THEN CAST(json_extract(finding, '$.finding.effect') AS REAL) END
+             FROM alerts
+             WHERE (status IN ('open', 'dismissed') OR closed_why LIKE 'approved: %')
+               AND series_id = ? AND metric = ? AND kind = 'change' AND branch = ? AND report_id IS NOT NULL",
         )
         .bind(series_id)
         .bind(metric)
         .bind(branch)
         .fetch_all(&self.readers)
         .await?;
-        let changes_of = |status| {
-            changes
-                .iter()
-                .filter(move |change| change.0 == status)
-                .map(|change| change.1)
+        let known = |(status, report_id, effect)| KnownChange {
+            report_id,
+            state: match status {
+                AlertStatus::Open => ChangeState::Open,
+                AlertStatus::Dismissed => ChangeState::Dismissed,
+                AlertStatus::Resolved => ChangeState::Approved,
+            },
+            effect,
         };
         Ok(Approved {
-            dismissed: changes_of(AlertStatus::Dismissed).collect(),
-            open: changes_of(AlertStatus::Open).next(),
-            report_ids: rows.iter().map(|(report_id, ..)| *report_id).collect(),
+            changes: changes.into_iter().map(known).collect(),
+            report_ids: rows.iter().map(|row| row.0).collect(),
+            commits: rows.iter().filter_map(|row| row.1.clone()).collect(),
             values: rows
                 .iter()
-                .filter(|(_, _, found)| *found == Some(i64::from(version)))
-                .map(|(_, value, _)| value.unwrap_or(f64::NAN))
+                .filter(|row| row.3 == Some(i64::from(version)))
+                .map(|row| row.2.unwrap_or(f64::NAN))
                 .collect(),
             elsewhere,
         })
@@ -434,13 +449,31 @@ impl Store {
         Ok(done.rows_affected() > 0)
     }
 
-    /// Whether an alert is open because a line of a branch is silent.
-    pub async fn is_silent(&self, project: &str, branch: &str) -> Result<bool, StoreError> {
-        let silent = sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM alerts JOIN projects ON projects.id = alerts.project_id
-                            WHERE alerts.status = 'open' AND kind = 'no_data' AND projects.name = ? AND branch = ?)",
-        );
-        Ok(silent.bind(project).bind(branch).fetch_one(&self.readers).await?)
+    /// Resolves the alerts of lines of a branch that were silent and have had a report since.
+    pub async fn note_heard(&self, branch: &str, series_ids: &[i64], now: Timestamp) -> Result<(), StoreError> {
+        let silent: bool = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM alerts WHERE status = 'open' AND kind = 'no_data' AND branch = ?)",
+        )
+        .bind(branch)
+        .fetch_one(&self.readers)
+        .await?;
+        if !silent {
+            return Ok(());
+        }
+        sqlx::query(
+            "UPDATE alerts SET status = 'resolved', closed_why = 'the check holds again', closed_at = ?3
+             WHERE status = 'open' AND kind = 'no_data' AND branch = ?1
+               AND series_id IN (SELECT value FROM json_each(?2))
+               AND EXISTS (SELECT 1 FROM reports JOIN branches ON branches.id = branch_id
+                           WHERE reports.series_id = alerts.series_id AND branches.name = ?1 AND complete
+                             AND reports.id > alerts.last_good_report_id)",
+        )
+        .bind(branch)
+        .bind(serde_json::to_string(series_ids)?)
+        .bind(now)
+        .execute(&mut *self.writer.acquire().await?)
+        .await?;
+        Ok(())
     }
 
     /// Opens an alert for every line that had reports on a branch with rules and has been silent for the nights that they

@@ -356,10 +356,15 @@ impl Writer<'_> {
 
     /// Notes where a branch left another, unless that is known; whether it is known now.
     async fn depart(&mut self, project_id: i64, id: i64, from: &Departure) -> Result<bool, StoreError> {
-        // Without a commit that is known here, they part before this branch's own first report.
+        // They part where the commit was measured first, not where it was measured again; without one that is known here,
+        // before this branch's own first report.
         sqlx::query(
             "UPDATE branches SET parent_id = parent.id, departed_commit = ?4, departed_report_id = coalesce(
-                 (SELECT max(id) FROM reports WHERE git_commit = ?4 AND branch_id = parent.id),
+                 (SELECT max(id) FROM reports WHERE git_commit = ?4 AND branch_id = parent.id AND id < coalesce(
+                      (SELECT min(other.id) FROM reports AS other
+                       WHERE other.branch_id = parent.id AND other.git_commit IS NOT ?4
+                         AND other.id > (SELECT min(id) FROM reports WHERE git_commit = ?4 AND branch_id = parent.id)),
+                      9223372036854775807)),
                  (SELECT min(id) - 1 FROM reports WHERE branch_id = ?2), (SELECT max(id) FROM reports), 0)
              FROM (SELECT id FROM branches WHERE project_id = ?1 AND name = ?3) AS parent
              WHERE branches.id = ?2 AND branches.parent_id IS NULL AND parent.id <> ?2",

@@ -5,7 +5,7 @@
 //! for are taken back, the smallest first. Matteson and James, "A Nonparametric Approach for Multiple Change Point
 //! Analysis of Multivariate Data", 2014, with α = 1.
 
-use super::ChangeRule;
+use super::{ChangeRule, Tolerance};
 use crate::{metrics::Better, random::Random, statistics::median};
 
 /// Shuffles that a significance test makes: the smallest probability that can be told is 0.002.
@@ -69,7 +69,12 @@ pub fn place(values: &[f64], better: Option<Better>, rule: &ChangeRule) -> Vec<f
         0.0 => 1.0,
         largest => largest,
     };
-    let out = high - low + (2.0 * rule.min_effect.of(scale)).max(f64::EPSILON * scale);
+    // A share is one of the infinity, too, where that comes first.
+    let step = match rule.min_effect {
+        Tolerance::Relative(share) => share * scale / (1.0 - share.min(0.9)),
+        Tolerance::Absolute(step) => step,
+    };
+    let out = high - low + (2.0 * step).max(f64::EPSILON * scale);
     let (below, above) = (low - out, high + out);
     let worst = if better == Some(Better::Lower) { above } else { below };
     let placed = |&value: &f64| match value {
@@ -197,7 +202,6 @@ pub fn effect(before: &[f64], after: &[f64]) -> (f64, f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::Tolerance;
 
     /// Noise of about ±1 % around levels.
     fn series(levels: &[(usize, f64)], seed: u64) -> Vec<f64> {
@@ -267,6 +271,12 @@ mod tests {
         let (inf, nan) = (f64::INFINITY, f64::NAN);
         assert_eq!(places(&[inf, 30.0, 31.5], None), [10, 20]);
         assert_eq!(places(&[inf, 60.0], Some(Better::Higher)), [10]);
+        let large = ChangeRule {
+            min_effect: Tolerance::Relative(0.6),
+            ..rule
+        };
+        let values = [[inf; 10], [60.0; 10]].concat();
+        assert_eq!(change_points(&place(&values, None, &large), &large).len(), 1);
         assert_eq!(places(&[34.0, nan], Some(Better::Higher)), [10]);
         assert_eq!(places(&[34.0, -inf], Some(Better::Higher)), [10]);
         assert_eq!(places(&[0.0, inf], Some(Better::Lower)), [10]);

@@ -3,10 +3,9 @@
 //! What cannot be told is not a failure: a line without an approved result, or whose approved results were made in other
 //! environments, is `unknown` and says so.
 
-use super::{
-    Checks, Rules,
-    change::{self, ChangePoint},
-};
+mod level;
+
+use super::{Checks, Rules};
 use crate::{
     metrics::{Better, Value},
     run::report::FrameReport,
@@ -14,7 +13,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeSet, ops::Range};
+use std::collections::BTreeSet;
 
 /// What became of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -82,19 +81,41 @@ pub fn of_repeats(values: &[f64]) -> f64 {
     }
 }
 
-/// The approved results of a line.
+/// What people said of a line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Approved {
-    /// Values of the same metric version.
+    /// Approved values of the same metric version.
     pub values: Vec<f64>,
     /// The approved reports; changes up to the last of them in a history are accepted there.
     pub report_ids: Vec<i64>,
-    /// Where changes began whose alerts were dismissed: others go first.
-    pub dismissed: Vec<i64>,
-    /// Where the change began whose alert is open on the branch.
-    pub open: Option<i64>,
+    /// Their commits, which count wherever else they were measured.
+    pub commits: BTreeSet<String>,
+    /// Changes that there are or were alerts of on the branch.
+    pub changes: Vec<KnownChange>,
     /// There are approved results of the same system and sequence, but of other environments only.
     pub elsewhere: bool,
+}
+
+/// A change that there is or was an alert of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownChange {
+    /// The first report that was bad, as far as was known.
+    pub report_id: i64,
+    /// What became of it.
+    pub state: ChangeState,
+    /// How large it was.
+    pub effect: Option<f64>,
+}
+
+/// What became of a change's alert.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChangeState {
+    /// It is open.
+    Open,
+    /// It was dismissed: other changes go first.
+    Dismissed,
+    /// An approval closed it.
+    Approved,
 }
 
 /// A metric of a line: what is judged and what it is judged by.
@@ -108,7 +129,7 @@ pub struct Line<'a> {
     pub recipe: &'a str,
     /// The metric's id.
     pub metric: &'a str,
-    /// Values of this run, one a repeat; their median is judged.
+    /// Values of this run, one a repeat; what is judged is [`of_repeats`] them.
     pub values: &'a [f64],
     /// Version of the metric in this run.
     pub version: u32,
@@ -124,7 +145,7 @@ pub struct Line<'a> {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Finding {
-    /// The value judged: the median of the repeats.
+    /// The value judged: the median of the repeats, or NaN where one of them is.
     pub value: Option<Value>,
     /// What it was held against.
     pub limit: Option<Value>,
@@ -401,151 +422,6 @@ impl Judge<'_> {
             .count();
         &history[history.len() - n_equal..]
     }
-
-    /// Where a report is in the results that compare.
-    fn place_of(&self, report_id: i64) -> Option<usize> {
-        let history = self.comparable();
-        history.iter().rposition(|past| past.report_ids.contains(&report_id))
-    }
-
-    /// Looks for the oldest change for the worse that was neither approved, dismissed nor made good since; others may have followed.
-    fn change(&self, rule: &super::ChangeRule) -> Check {
-        let all = self.comparable();
-        let unknown = |detail: String| self.check(Kind::Change, Outcome::Unknown, detail, Finding::default());
-        let needed = 2 * rule.min_segment;
-        if all.len() < needed {
-            return unknown(format!(
-                "{} results are too few to see a change; {needed} are needed",
-                all.len()
-            ));
-        }
-        let Some(better) = self.better else {
-            return unknown("which way the metric improves is not known; say `better` in its rule".to_owned());
-        };
-        let approved = &self.line.approved;
-        let start = all.len().saturating_sub(rule.window);
-        let true_values: Vec<f64> = all.iter().map(|past| past.value).collect();
-        let values = change::place(&true_values, Some(better), rule);
-        let accepted = approved.report_ids.iter().filter_map(|&id| self.place_of(id)).max();
-        let is_new = |index: usize| accepted.is_none_or(|accepted| index > accepted);
-        let is_loss = |before: f64, after: f64| {
-            let loss = match better {
-                Better::Lower => after - before,
-                Better::Higher => before - after,
-            };
-            loss > 0.0 && loss >= rule.min_effect.of(before)
-        };
-        // A change for the worse stays one when what was before it leaves the window.
-        let open = approved.open.and_then(|id| self.place_of(id));
-        if let Some(index) = open.filter(|&index| index > 0 && index < start + rule.min_segment && is_new(index)) {
-            let since = index.max(start);
-            let now = change::change_points(&values[since..], rule);
-            let now = now.last().map_or(since, |point| since + point.index)..values.len();
-            let before = index.saturating_sub(needed)..index;
-            if is_loss(median(&values[before.clone()]), median(&values[now.clone()])) {
-                let level = Level {
-                    before,
-                    index,
-                    now,
-                    p: None,
-                };
-                return self.changed(&level, &true_values, &values, Outcome::Regression);
-            }
-        }
-        let mut changes = change::change_points(&values[start..], rule);
-        for point in &mut changes {
-            point.index += start;
-        }
-        let lasts = |(position, point): &(usize, &ChangePoint)| {
-            let mut later = changes[*position..].iter();
-            later.all(|later| is_loss(point.before, later.after))
-        };
-        let lasting = changes
-            .iter()
-            .enumerate()
-            .filter(|(_, point)| is_new(point.index))
-            .filter(lasts);
-        let lasting: Vec<&ChangePoint> = lasting.map(|(_, point)| point).collect();
-        let dismissed: Vec<usize> = approved.dismissed.iter().filter_map(|&id| self.place_of(id)).collect();
-        // Where a change begins is known better with each result, but it is the one that was dismissed.
-        let dismissed_at = |point: &ChangePoint| {
-            let is_near = |at: &&usize| at.abs_diff(point.index) < rule.min_segment;
-            dismissed.iter().find(is_near).copied()
-        };
-        let oldest = lasting
-            .iter()
-            .find(|point| dismissed_at(point).is_none())
-            .or(lasting.first())
-            .copied();
-        let Some(found) = oldest.or_else(|| changes.last().filter(|point| is_new(point.index))) else {
-            let detail = format!("no new change in {} results", all.len() - start);
-            return self.check(Kind::Change, Outcome::Ok, detail, Finding::default());
-        };
-        let before = changes.iter().rfind(|point| point.index < found.index);
-        let level = Level {
-            before: before.map_or(start, |point| point.index)..found.index,
-            index: dismissed_at(found).unwrap_or(found.index).max(1),
-            now: changes.last().map_or(found.index, |point| point.index)..values.len(),
-            p: Some(found.p),
-        };
-        let outcome = if oldest.is_some() {
-            Outcome::Regression
-        } else {
-            Outcome::Ok
-        };
-        self.changed(&level, &true_values, &values, outcome)
-    }
-
-    /// A change in words and numbers. What is not finite is so in both.
-    fn changed(&self, level: &Level, true_values: &[f64], values: &[f64], outcome: Outcome) -> Check {
-        let of = |values: &[f64], range: &Range<usize>| median(&values[range.clone()]);
-        let (before, now) = (of(true_values, &level.before), of(true_values, &level.now));
-        let words = if outcome == Outcome::Regression {
-            "worse"
-        } else {
-            "better"
-        };
-        let (bad, good) = (&self.comparable()[level.index], &self.comparable()[level.index - 1]);
-        let finding = Finding {
-            limit: Some(Value(before)),
-            ..named(Some(bad), Some(good))
-        };
-        let chance = level
-            .p
-            .map_or_else(|| "longer ago than the window".to_owned(), |p| format!("p = {p:.3}"));
-        if !(before.is_finite() && now.is_finite()) {
-            let detail = format!(
-                "changed for the {words} from {} to {}, {chance}",
-                Value(before),
-                Value(now)
-            );
-            let effect = Some(Value(now - before)).filter(|effect| !effect.0.is_nan());
-            return self.check(Kind::Change, outcome, detail, Finding { effect, ..finding });
-        }
-        let (effect, low, high) = change::effect(&values[level.before.clone()], &values[level.now.clone()]);
-        let detail = format!(
-            "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {before:.4} to {now:.4}, {chance}"
-        );
-        let finding = Finding {
-            effect: Some(Value(effect)),
-            effect_low: Some(Value(low)),
-            effect_high: Some(Value(high)),
-            ..finding
-        };
-        self.check(Kind::Change, outcome, detail, finding)
-    }
-}
-
-/// A change of level among the results that compare.
-struct Level {
-    /// The level before.
-    before: Range<usize>,
-    /// The first result of the change.
-    index: usize,
-    /// The level now.
-    now: Range<usize>,
-    /// The probability that chance made it; none where the level before has left the window.
-    p: Option<f64>,
 }
 
 /// The reports and commits on either side.

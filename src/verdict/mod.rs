@@ -5,7 +5,9 @@ pub mod change;
 mod judge;
 mod rules;
 
-pub use judge::{Approved, Check, Finding, Kind, Line, Outcome, Past, of_repeats, overall, worst_frames};
+pub use judge::{
+    Approved, ChangeState, Check, Finding, Kind, KnownChange, Line, Outcome, Past, of_repeats, overall, worst_frames,
+};
 pub use rules::{ChangeRule, Checks, Rule, Rules, RulesError, Tolerance, matches};
 
 use crate::metrics::{Better, Metric};

@@ -96,7 +96,13 @@ fn a_client_that_sends_nothing_more_is_let_go() {
     let mut upload = TcpStream::connect(service.address).unwrap();
     let head = format!("PUT /api/v1{path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 9\r\n\r\nhalf");
     upload.write_all(head.as_bytes()).unwrap();
-    thread::sleep(Duration::from_millis(500));
+    for stream in [&silent, &upload] {
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    }
+    while client.send("HEAD", &path, &[], &[]).status != 204 {
+        assert!(begun.elapsed() < Duration::from_secs(15), "the upload does not begin");
+        thread::sleep(Duration::from_millis(20));
+    }
     client
         .send("PUT", &path, &[], b"")
         .is_problem(409, "upload_in_progress", None, "somebody else");

@@ -2,7 +2,7 @@
 
 use crate::support::service::{Client, Idle, TestService};
 use afterimage::{
-    store::{AlertFilter, Store, Timestamp},
+    store::{AlertFilter, KeptAnswer, Store, Timestamp},
     verdict::{ChangeRule, Tolerance, change::change_points},
 };
 use hmac::{Hmac, Mac as _};
@@ -381,6 +381,47 @@ async fn silence_is_an_alert_until_it_ends() {
     .await
     .unwrap();
     assert_eq!(store.n_open_alerts().await.unwrap(), 0, "it speaks again");
+    store.close().await;
+}
+
+#[tokio::test]
+async fn a_verdict_that_was_not_reached_is_given_to_the_same_request() {
+    let post = |client: &Client| {
+        let rules = json!({"rules": {"rule": [{"metric": "psnr", "min": 30}]}});
+        client.post_with("/reports", &report("c", 20.0, rules), &[("idempotency-key", "night-1")])
+    };
+    let (service, first) = tokio::task::spawn_blocking(move || {
+        let service = TestService::start(Idle, &[]);
+        let first = post(&service.client()).json();
+        (service, first)
+    })
+    .await
+    .unwrap();
+    let store = Store::open(&service.data.path().join("afterimage.sqlite"))
+        .await
+        .unwrap();
+    // As a service leaves it that is killed between the result and its verdict.
+    let kept = store.kept_answer(0, "night-1").await.unwrap().unwrap();
+    let stored = KeptAnswer {
+        status: 102,
+        body: format!("[{}]", first["id"]).into_bytes(),
+        ..kept
+    };
+    store.ingest().keep(0, "night-1".to_owned(), stored).await.unwrap();
+    tokio::task::spawn_blocking(move || {
+        let again = post(&service.client());
+        assert_eq!((again.status, &again.json()["id"]), (201, &first["id"]));
+        assert_eq!(again.json()["judgement"]["outcome"], "regression");
+        let replayed = post(&service.client());
+        assert_eq!(
+            (replayed.header("idempotency-replayed"), &replayed.body),
+            ("true", &again.body)
+        );
+        let reports = service.client().get("/reports").json();
+        assert_eq!(reports["reports"].as_array().unwrap().len(), 1);
+    })
+    .await
+    .unwrap();
     store.close().await;
 }
 

@@ -48,6 +48,7 @@ pub fn run(arguments: &RunArguments, rules: &Rules) -> anyhow::Result<Results> {
             let settings = Settings {
                 parameters: repeats[0].parameters.clone(),
                 history: Some(spec.history),
+                skip: Some(spec.skip),
                 n_frames: spec.n_frames.filter(|&n| n < sequence.n_frames()),
             };
             let line = Repeats {

@@ -15,7 +15,7 @@ use afterimage::{
     metrics::Value as MetricValue,
     run::report::AdapterInfo,
     sequence::Sequence,
-    taa::Precision,
+    taa::{Precision, Skip},
     verdict::{Check, Outcome, Rules, overall},
 };
 use anyhow::{Context, bail, ensure};
@@ -190,6 +190,7 @@ struct Settings {
     /// All of the recipe's, or what was posted as such.
     parameters: Value,
     history: Option<Precision>,
+    skip: Option<Skip>,
     /// Over how many frames, from the first; none for all of them.
     n_frames: Option<usize>,
 }

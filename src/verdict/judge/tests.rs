@@ -1,6 +1,7 @@
 //! A verdict on one metric of a line: what it holds and what it names.
 
 use super::*;
+use crate::random::Random;
 
 fn history(values: &[f64]) -> Vec<Past> {
     let past = |(i, &value): (usize, &f64)| Past {
@@ -31,6 +32,14 @@ fn approved(values: &[f64]) -> Approved {
     Approved {
         values: values.to_vec(),
         ..Approved::default()
+    }
+}
+
+fn known(report_id: i64, state: ChangeState) -> KnownChange {
+    KnownChange {
+        report_id,
+        state,
+        effect: None,
     }
 }
 
@@ -172,8 +181,9 @@ fn a_dismissed_change_hides_no_other() {
     let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
     let values: Vec<f64> = [1.0, 1.3, 2.0].into_iter().flat_map(|level| [level; 8]).collect();
     let first_bad = |n: usize, dismissed: &[i64]| {
+        let dismissed = dismissed.iter().map(|&id| known(id, ChangeState::Dismissed));
         let approved = Approved {
-            dismissed: dismissed.to_vec(),
+            changes: dismissed.collect(),
             ..Approved::default()
         };
         let found = judge(
@@ -250,71 +260,130 @@ fn what_is_not_a_number_is_worse_than_anything() {
     }
 }
 
+/// Judges each of the values in turn, with the alert that the one before left open; the outcomes from `first` on.
+fn nights(rules: &str, values: &[f64], first: usize, approved: &Approved) -> Vec<(Outcome, Option<String>)> {
+    let past = history(values);
+    let mut approved = approved.clone();
+    let mut outcomes = Vec::new();
+    for n in first..=values.len() {
+        let found = judge(rules, "gpu_time_ms", &values[n - 1..n], &past[..n], &approved).remove(0);
+        let open = found
+            .finding
+            .first_bad_report
+            .filter(|_| found.outcome == Outcome::Regression);
+        approved.changes.retain(|known| known.state != ChangeState::Open);
+        approved.changes.extend(open.map(|id| known(id, ChangeState::Open)));
+        outcomes.push((found.outcome, found.finding.first_bad_commit));
+    }
+    outcomes
+}
+
 #[test]
 fn a_change_for_the_worse_outlasts_the_window() {
-    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4, window = 12 }";
-    let outcome = |last: f64, n: usize, approved: &Approved| {
-        let mut values = [[1.0; 10], [1.3; 10]].concat();
-        values.extend(vec![last; n]);
-        let found = judge(rules, "gpu_time_ms", &[last], &history(&values), approved).remove(0);
-        assert!(
-            found.outcome != Outcome::Regression || found.finding.first_bad_commit.as_deref() == Some("c10"),
-            "{found:?}"
-        );
-        found.outcome
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4, window = 40, min_effect = '2 %' }";
+    let mut random = Random::new(5);
+    let mut noisy = |level: f64, n: usize| -> Vec<f64> {
+        let noise = |random: &mut Random| (random.below(1000) as f64 + random.below(1000) as f64 - 999.0) / 40_000.0;
+        (0..n).map(|_| level * (1.0 + noise(&mut random))).collect()
     };
-    let open = Approved {
-        open: Some(11),
+    let worse = [noisy(1.0, 60), noisy(1.06, 200)].concat();
+    let outcomes = nights(rules, &worse, 80, &Approved::default());
+    for (n, (outcome, first_bad)) in (80..).zip(&outcomes) {
+        assert_eq!(*outcome, Outcome::Regression, "after {n} results");
+        assert!(
+            ["c59", "c60", "c61"].contains(&first_bad.as_deref().unwrap()),
+            "{first_bad:?}"
+        );
+    }
+    // Longer ago than the window, too, it may be made good, and half of it may.
+    let last = |level: f64| {
+        let values = [worse.clone(), noisy(level, 12)].concat();
+        nights(rules, &values, 80, &Approved::default()).pop().unwrap().0
+    };
+    assert_eq!([1.0, 1.03].map(last), [Outcome::Ok, Outcome::Regression]);
+}
+
+#[test]
+fn a_change_is_made_good_by_the_level_before_it() {
+    // What was approved before counts, not what was before that.
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4, window = 12 }";
+    let values = [vec![1.0; 20], vec![1.3; 4], vec![1.4; 40], vec![1.3; 8]].concat();
+    let approved = Approved {
+        report_ids: vec![22],
         ..Approved::default()
     };
-    for n in [0, 1, 5, 10, 40] {
-        assert_eq!(outcome(1.3, n, &open), Outcome::Regression, "{n} results later");
-    }
-    assert_eq!(
-        outcome(1.3, 10, &Approved::default()),
-        Outcome::Ok,
-        "nothing is seen of it"
-    );
-    assert_eq!(outcome(1.0, 10, &open), Outcome::Ok, "made good");
-    assert_eq!(outcome(1.15, 10, &open), Outcome::Regression, "half made good");
-    let accepted = Approved {
-        report_ids: vec![15],
-        ..open
+    let outcomes = nights(rules, &values, 29, &approved);
+    assert_eq!(outcomes[35].0, Outcome::Regression);
+    assert_eq!(outcomes.last().unwrap().0, Outcome::Ok);
+}
+
+#[test]
+fn a_change_out_of_sight_is_left_to_people() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let outcome = |report_id| {
+        let approved = Approved {
+            changes: vec![known(report_id, ChangeState::Open)],
+            ..Approved::default()
+        };
+        judge(rules, "gpu_time_ms", &[1.3], &history(&[1.3; 40]), &approved)[0].outcome
     };
-    assert_eq!(outcome(1.3, 10, &accepted), Outcome::Ok);
+    assert_eq!([-7, 1].map(outcome), [Outcome::Unknown; 2]);
+    assert_eq!(outcome(9), Outcome::Ok);
 }
 
 #[test]
 fn what_is_approved_elsewhere_accepts_nothing_here() {
     let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
     let past = history(&[[1.0; 8], [1.3; 8]].concat());
-    let outcome = |id| {
-        let approved = Approved {
+    let outcome = |approved: &Approved| judge(rules, "gpu_time_ms", &[1.3], &past, approved)[0].outcome;
+    let report = |id| {
+        outcome(&Approved {
             report_ids: vec![id],
             ..Approved::default()
-        };
-        judge(rules, "gpu_time_ms", &[1.3], &past, &approved)[0].outcome
+        })
     };
-    assert_eq!([9, 12].map(outcome), [Outcome::Ok; 2]);
+    assert_eq!([9, 12].map(report), [Outcome::Ok; 2]);
     assert_eq!(
-        [8, 99].map(outcome),
+        [8, 99].map(report),
         [Outcome::Regression; 2],
         "before it, and on another branch"
     );
+    let commit = |commit: &str| {
+        outcome(&Approved {
+            commits: [commit.to_owned()].into(),
+            ..Approved::default()
+        })
+    };
+    assert_eq!(commit("c9"), Outcome::Ok, "measured and approved on another branch");
+    assert_eq!(commit("c7"), Outcome::Regression);
 }
 
 #[test]
-fn a_dismissed_change_that_is_seen_to_begin_later_is_the_same() {
+fn a_known_change_that_is_seen_to_begin_elsewhere_is_the_same() {
     let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
     let past = history(&[[1.0; 8], [1.3; 8]].concat());
-    for dismissed in [7, 8, 9, 10] {
+    let check = |report_id, state, effect| {
         let approved = Approved {
-            dismissed: vec![dismissed],
+            changes: vec![KnownChange {
+                effect,
+                ..known(report_id, state)
+            }],
             ..Approved::default()
         };
-        let found = judge(rules, "gpu_time_ms", &[1.3], &past, &approved).remove(0);
-        assert_eq!(found.finding.first_bad_report, Some(dismissed), "{found:?}");
+        judge(rules, "gpu_time_ms", &[1.3], &past, &approved).remove(0)
+    };
+    for report_id in [7, 8, 9, 10] {
+        let dismissed = check(report_id, ChangeState::Dismissed, Some(0.25));
+        assert_eq!(dismissed.finding.first_bad_report, Some(report_id), "{dismissed:?}");
+        let small = check(report_id, ChangeState::Dismissed, Some(0.1));
+        assert_eq!(small.finding.first_bad_report, Some(9), "another, and larger");
+        assert_eq!(check(report_id, ChangeState::Approved, Some(0.25)).outcome, Outcome::Ok);
+        assert_eq!(
+            check(report_id, ChangeState::Approved, Some(0.1)).outcome,
+            Outcome::Regression
+        );
     }
+    assert_eq!(check(3, ChangeState::Approved, None).outcome, Outcome::Regression);
 }
 
 #[test]

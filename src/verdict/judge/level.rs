@@ -1,0 +1,231 @@
+//! Whether a line changed its level for the worse.
+
+use super::{ChangeState, Check, Finding, Judge, Kind, KnownChange, Outcome, Past, named};
+use crate::{
+    metrics::{Better, Value},
+    statistics::median,
+    verdict::{
+        ChangeRule,
+        change::{self, ChangePoint},
+    },
+};
+use std::ops::Range;
+
+/// Results that are looked at together.
+struct View<'a> {
+    results: &'a [Past],
+    /// Their values, and with those that are not finite beside the others.
+    true_values: Vec<f64>,
+    values: Vec<f64>,
+    rule: &'a ChangeRule,
+    better: Better,
+}
+
+/// A change of level in a view.
+struct Level {
+    /// The level before.
+    before: Range<usize>,
+    /// The first result of the change.
+    index: usize,
+    /// The level now.
+    now: Range<usize>,
+    /// The probability that chance made it; none where it is too long ago to be found anew.
+    p: Option<f64>,
+}
+
+impl<'a> View<'a> {
+    fn new(results: &'a [Past], better: Better, rule: &'a ChangeRule) -> Self {
+        let true_values: Vec<f64> = results.iter().map(|past| past.value).collect();
+        Self {
+            results,
+            values: change::place(&true_values, Some(better), rule),
+            true_values,
+            rule,
+            better,
+        }
+    }
+
+    /// Changes of level in a part.
+    fn changes(&self, part: Range<usize>) -> Vec<ChangePoint> {
+        let mut found = change::change_points(&self.values[part.clone()], self.rule);
+        for point in &mut found {
+            point.index += part.start;
+        }
+        found
+    }
+
+    fn is_loss(&self, before: f64, after: f64) -> bool {
+        let loss = match self.better {
+            Better::Lower => after - before,
+            Better::Higher => before - after,
+        };
+        loss > 0.0 && loss >= self.rule.min_effect.of(before)
+    }
+
+    /// A change that is known, held against the level of the newest results.
+    fn still(&self, index: usize) -> Option<Level> {
+        let n = self.values.len();
+        let newest = n.saturating_sub(self.rule.window).max(index);
+        let before = self.changes(0..index).last().map_or(0, |point| point.index)..index;
+        let now = self.changes(newest..n).last().map_or(newest, |point| point.index)..n;
+        let level = |part: &Range<usize>| median(&self.values[part.clone()]);
+        let is_there = index > 0 && self.is_loss(level(&before), level(&now));
+        is_there.then_some(Level {
+            before,
+            index,
+            now,
+            p: None,
+        })
+    }
+}
+
+impl Judge<'_> {
+    /// Where a report is in the results that compare.
+    pub(super) fn place_of(&self, report_id: i64) -> Option<usize> {
+        let history = self.comparable();
+        history.iter().rposition(|past| past.report_ids.contains(&report_id))
+    }
+
+    /// Looks for the oldest change for the worse that was neither approved, dismissed nor made good since; others may have followed.
+    pub(super) fn change(&self, rule: &ChangeRule) -> Check {
+        let all = self.comparable();
+        let unknown = |detail: String| self.check(Kind::Change, Outcome::Unknown, detail, Finding::default());
+        let needed = 2 * rule.min_segment;
+        if all.len() < needed {
+            return unknown(format!(
+                "{} results are too few to see a change; {needed} are needed",
+                all.len()
+            ));
+        }
+        let Some(better) = self.better else {
+            return unknown("which way the metric improves is not known; say `better` in its rule".to_owned());
+        };
+        let approved = self.line.approved;
+        let accepted = all.iter().rposition(|past| {
+            past.report_ids.iter().any(|id| approved.report_ids.contains(id))
+                || past
+                    .commit
+                    .as_ref()
+                    .is_some_and(|commit| approved.commits.contains(commit))
+        });
+        let open = approved.changes.iter().find(|known| known.state == ChangeState::Open);
+        if open.is_some_and(|open| self.is_out_of_sight(open)) {
+            return unknown(format!(
+                "the change that an alert is open of is older than the {} results that are looked at; approve or dismiss it",
+                all.len()
+            ));
+        }
+        // What was before a change stays in sight while its alert is open, or the change could not be seen any more.
+        let begun = open.and_then(|open| self.place_of(open.report_id));
+        let begun = begun.filter(|&index| accepted.is_none_or(|accepted| index > accepted));
+        let newest = all.len().saturating_sub(rule.window);
+        let mut start = begun.map_or(newest, |index| newest.min(index.saturating_sub(rule.window / 2)));
+        if let Some(index) = begun.filter(|_| all.len() - start > 2 * rule.window) {
+            let view = View::new(&all[start..], better, rule);
+            if let Some(level) = view.still(index - start) {
+                return self.changed(&view, &level, Outcome::Regression);
+            }
+            start = newest;
+        }
+        let view = View::new(&all[start..], better, rule);
+        let accepted = accepted.and_then(|index| index.checked_sub(start));
+        self.newest_change(&view, accepted)
+    }
+
+    /// Whether a change began before the oldest result there is.
+    fn is_out_of_sight(&self, open: &KnownChange) -> bool {
+        let place = |past: &Past| past.report_ids.contains(&open.report_id);
+        self.line.history.iter().position(place).is_none_or(|index| index == 0)
+    }
+
+    fn newest_change(&self, view: &View, accepted: Option<usize>) -> Check {
+        let n = view.values.len();
+        let start = self.comparable().len() - n;
+        let changes = view.changes(0..n);
+        // Where a change begins is known better with each result, but a small one nearby is not a large one.
+        let known_at = |point: &ChangePoint, state: ChangeState| {
+            let known = self
+                .line
+                .approved
+                .changes
+                .iter()
+                .filter(move |known| known.state == state);
+            let size = (point.after - point.before).abs();
+            let alike = known.filter(move |known| known.effect.is_none_or(|effect| size <= 2.0 * effect.abs()));
+            let places = alike.filter_map(|known| self.place_of(known.report_id)?.checked_sub(start));
+            places
+                .into_iter()
+                .find(|place| place.abs_diff(point.index) < view.rule.min_segment)
+        };
+        let is_new = |point: &&ChangePoint| {
+            accepted.is_none_or(|accepted| point.index > accepted) && known_at(point, ChangeState::Approved).is_none()
+        };
+        let lasts = |(position, point): &(usize, &ChangePoint)| {
+            let mut later = changes[*position..].iter();
+            later.all(|later| view.is_loss(point.before, later.after))
+        };
+        let lasting = changes.iter().enumerate().filter(lasts).map(|(_, point)| point);
+        let lasting: Vec<&ChangePoint> = lasting.filter(is_new).collect();
+        let oldest = lasting
+            .iter()
+            .find(|point| known_at(point, ChangeState::Dismissed).is_none())
+            .or(lasting.first())
+            .copied();
+        let Some(found) = oldest.or_else(|| changes.last().filter(is_new)) else {
+            let detail = format!("no new change in {n} results");
+            return self.check(Kind::Change, Outcome::Ok, detail, Finding::default());
+        };
+        let before = changes.iter().rfind(|point| point.index < found.index);
+        let level = Level {
+            before: before.map_or(0, |point| point.index)..found.index,
+            index: known_at(found, ChangeState::Dismissed).unwrap_or(found.index).max(1),
+            now: changes.last().map_or(found.index, |point| point.index)..n,
+            p: Some(found.p),
+        };
+        let outcome = match oldest {
+            Some(_) => Outcome::Regression,
+            None => Outcome::Ok,
+        };
+        self.changed(view, &level, outcome)
+    }
+
+    /// A change in words and numbers. What is not finite is so in both.
+    fn changed(&self, view: &View, level: &Level, outcome: Outcome) -> Check {
+        let [before, now] = [&level.before, &level.now].map(|part| &view.true_values[part.clone()]);
+        let words = match outcome {
+            Outcome::Regression => "worse",
+            _ => "better",
+        };
+        let finding = Finding {
+            limit: Some(Value(median(before))),
+            ..named(view.results.get(level.index), view.results.get(level.index - 1))
+        };
+        let chance = match level.p {
+            Some(p) => format!("p = {p:.3}"),
+            None => "longer ago than the window".to_owned(),
+        };
+        if !before.iter().chain(now).all(|value| value.is_finite()) {
+            let (before, now) = (median(before), median(now));
+            let detail = format!(
+                "changed for the {words} from {} to {}, {chance}",
+                Value(before),
+                Value(now)
+            );
+            let effect = Some(Value(now - before)).filter(|effect| !effect.0.is_nan());
+            return self.check(Kind::Change, outcome, detail, Finding { effect, ..finding });
+        }
+        let (effect, low, high) = change::effect(before, now);
+        let detail = format!(
+            "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {:.4} to {:.4}, {chance}",
+            median(before),
+            median(now)
+        );
+        let finding = Finding {
+            effect: Some(Value(effect)),
+            effect_low: Some(Value(low)),
+            effect_high: Some(Value(high)),
+            ..finding
+        };
+        self.check(Kind::Change, outcome, detail, finding)
+    }
+}
