@@ -95,8 +95,8 @@ struct StoredFinding {
     finding: Finding,
 }
 
-/// An approved report, its commit, its value and the metric's version.
-type ApprovedRow = (i64, Option<String>, Option<f64>, Option<i64>);
+/// An approved report, its branch and commit, its value and the metric's version.
+type ApprovedRow = (i64, Option<String>, Option<String>, Option<f64>, Option<i64>);
 
 /// Which alerts to list, newest first.
 #[derive(Clone, Debug, Default)]
@@ -235,7 +235,7 @@ impl Store {
                    -- Verdicts put a commit where it was measured first.
                    AND report_id <= (SELECT min(first.id) FROM reports JOIN reports AS first
                                      ON first.series_id = reports.series_id AND first.branch_id IS reports.branch_id
-                                        AND (first.id = reports.id OR first.git_commit = reports.git_commit)
+                                        AND first.complete AND (first.id = reports.id OR first.git_commit = reports.git_commit)
                                      WHERE reports.id = ?5)
                    AND branch = coalesce((SELECT name FROM branches JOIN reports ON branch_id = branches.id
                                           WHERE reports.id = ?5), '')",
@@ -282,9 +282,9 @@ impl Store {
         branch: &str,
     ) -> Result<Approved, StoreError> {
         let rows: Vec<ApprovedRow> = sqlx::query_as(
-            "SELECT last.report_id, git_commit, points.value, points.version
+            "SELECT last.report_id, branches.name, git_commit, points.value, points.version
              FROM (SELECT report_id, decision, max(id) FROM decisions WHERE series_id = ?1 GROUP BY report_id) AS last
-             JOIN reports ON reports.id = last.report_id
+             JOIN reports ON reports.id = last.report_id LEFT JOIN branches ON branches.id = reports.branch_id
              LEFT JOIN points ON points.series_id = ?1 AND points.report_id = last.report_id
                   AND points.metric_id = (SELECT id FROM metrics WHERE name = ?2)
              WHERE last.decision = 'approved'",
@@ -297,12 +297,12 @@ impl Store {
             false => false,
             true => self.is_approved_elsewhere(series_id).await?,
         };
-        let changes: Vec<(AlertStatus, i64, Option<f64>)> = sqlx::query_as(
-            "SELECT status, report_id, CASE json_type(finding, '$.finding.effect')
+        let changes: Vec<(AlertStatus, bool, i64, Option<f64>)> = sqlx::query_as(
+            "SELECT status, closed_why LIKE 'approved: %' IS TRUE, report_id, CASE json_type(finding, '$.finding.effect')
                         WHEN 'real' THEN json_extract(finding, '$.finding.effect')
                         WHEN 'integer' THEN CAST(json_extract(finding, '$.finding.effect') AS REAL) END
              FROM alerts
-             WHERE (status IN ('open', 'dismissed') OR closed_why LIKE 'approved: %')
+             WHERE (status IN ('open', 'dismissed') OR closed_why LIKE 'approved: %' OR closed_why = 'the check holds again')
                AND series_id = ? AND metric = ? AND kind = 'change' AND branch = ? AND report_id IS NOT NULL",
         )
         .bind(series_id)
@@ -310,23 +310,27 @@ impl Store {
         .bind(branch)
         .fetch_all(&self.readers)
         .await?;
-        let known = |(status, report_id, effect)| KnownChange {
+        // An approval that was taken back closed nothing.
+        let of_branch = |row: &&ApprovedRow| row.1.as_deref().unwrap_or_default() == branch;
+        let is_approved = |first_bad: i64| rows.iter().filter(of_branch).any(|row| row.0 >= first_bad);
+        let known = |(status, by_approval, report_id, effect)| KnownChange {
             report_id,
             state: match status {
                 AlertStatus::Open => ChangeState::Open,
                 AlertStatus::Dismissed => ChangeState::Dismissed,
-                AlertStatus::Resolved => ChangeState::Approved,
+                AlertStatus::Resolved if by_approval && is_approved(report_id) => ChangeState::Approved,
+                AlertStatus::Resolved => ChangeState::Closed,
             },
             effect,
         };
         Ok(Approved {
             changes: changes.into_iter().map(known).collect(),
             report_ids: rows.iter().map(|row| row.0).collect(),
-            commits: rows.iter().filter_map(|row| row.1.clone()).collect(),
+            commits: rows.iter().filter_map(|row| row.2.clone()).collect(),
             values: rows
                 .iter()
-                .filter(|row| row.3 == Some(i64::from(version)))
-                .map(|row| row.2.unwrap_or(f64::NAN))
+                .filter(|row| row.4 == Some(i64::from(version)))
+                .map(|row| row.3.unwrap_or(f64::NAN))
                 .collect(),
             elsewhere,
         })

@@ -116,6 +116,8 @@ pub enum ChangeState {
     Dismissed,
     /// An approval closed it.
     Approved,
+    /// It closed because the line was good again.
+    Closed,
 }
 
 /// A metric of a line: what is judged and what it is judged by.

@@ -77,6 +77,14 @@ fn an_approval_answers_for_its_branch_alone() {
     assert_eq!(listed(&client, "status=open").len(), 1);
     client.posted("/reports/28/decisions", &decision);
     assert_eq!(listed(&client, "status=open").len(), 0);
+    nights(&client, 30, 32);
+    assert_eq!(listed(&client, "status=open").len(), 0);
+    // Taken back, it answers for nothing.
+    let rejection = json!({"decision": "rejected", "why": "a mistake", "who": "jane"});
+    client.posted("/reports/28/decisions", &rejection);
+    nights(&client, 32, 33);
+    let alert = &listed(&client, "status=open")[0];
+    assert_eq!(alert["finding"]["first_bad_commit"], "m20");
 }
 
 #[test]

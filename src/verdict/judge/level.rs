@@ -29,7 +29,7 @@ struct Level {
     index: usize,
     /// The level now.
     now: Range<usize>,
-    /// The probability that chance made it; none where it is too long ago to be found anew.
+    /// The probability that chance made it; none where it is not seen any more, but was.
     p: Option<f64>,
 }
 
@@ -62,19 +62,30 @@ impl<'a> View<'a> {
         loss > 0.0 && loss >= self.rule.min_effect.of(before)
     }
 
-    /// A change that is known, held against the level of the newest results.
+    /// A change that is known, if every level since is worse than the one before it.
     fn still(&self, index: usize) -> Option<Level> {
-        let n = self.values.len();
-        let newest = n.saturating_sub(self.rule.window).max(index);
-        let before = self.changes(0..index).last().map_or(0, |point| point.index)..index;
-        let now = self.changes(newest..n).last().map_or(newest, |point| point.index)..n;
-        let level = |part: &Range<usize>| median(&self.values[part.clone()]);
-        let is_there = index > 0 && self.is_loss(level(&before), level(&now));
-        is_there.then_some(Level {
-            before,
-            index,
-            now,
-            p: None,
+        let (n, window) = (self.values.len(), self.rule.window);
+        let level = |part: Range<usize>| median(&self.values[part]);
+        let start = self.changes(0..index).last().map_or(0, |point| point.index);
+        let since = n.saturating_sub(2 * window).max(index);
+        let mut ends: Vec<usize> = self.changes(since..n).iter().map(|point| point.index).collect();
+        ends.push(n);
+        let starts = [since].into_iter().chain(ends.iter().copied());
+        let mut levels = starts.zip(&ends).map(|(start, &end)| level(start..end));
+        let is_there = index > 0 && levels.all(|now| self.is_loss(level(start..index), now));
+        is_there.then(|| {
+            // Where it began is known better with each result.
+            let around = index.saturating_sub(window)..n.min(index + window);
+            let seen = self.changes(around);
+            let seen = seen.iter().min_by_key(|point| point.index.abs_diff(index));
+            let seen = seen.filter(|point| point.index.abs_diff(index) < self.rule.min_segment);
+            let index = seen.map_or(index, |point| point.index);
+            Level {
+                before: start.min(index - 1)..index,
+                index,
+                now: ends.iter().rev().nth(1).copied().unwrap_or(since).max(index)..n,
+                p: seen.map(|point| point.p),
+            }
         })
     }
 }
@@ -115,20 +126,27 @@ impl Judge<'_> {
                 all.len()
             ));
         }
-        // What was before a change stays in sight while its alert is open, or the change could not be seen any more.
-        let begun = open.and_then(|open| self.place_of(open.report_id));
-        let begun = begun.filter(|&index| accepted.is_none_or(|accepted| index > accepted));
+        // A change that was found once is no matter of chance any more: with what was before it still in sight, the levels are
+        // compared. One whose alert was closed too early is found again so.
         let newest = all.len().saturating_sub(rule.window);
-        let mut start = begun.map_or(newest, |index| newest.min(index.saturating_sub(rule.window / 2)));
-        if let Some(index) = begun.filter(|_| all.len() - start > 2 * rule.window) {
+        let is_new = |index: &usize| accepted.is_none_or(|accepted| *index > accepted);
+        let closed = approved
+            .changes
+            .iter()
+            .rev()
+            .filter(|known| known.state == ChangeState::Closed);
+        let closed = closed.filter_map(|known| self.place_of(known.report_id));
+        let closed = closed.filter(|index| index + 2 * rule.window >= all.len());
+        let open = open.and_then(|open| self.place_of(open.report_id));
+        for index in open.into_iter().chain(closed).filter(is_new) {
+            let start = newest.min(index.saturating_sub(rule.window));
             let view = View::new(&all[start..], better, rule);
             if let Some(level) = view.still(index - start) {
                 return self.changed(&view, &level, Outcome::Regression);
             }
-            start = newest;
         }
-        let view = View::new(&all[start..], better, rule);
-        let accepted = accepted.and_then(|index| index.checked_sub(start));
+        let view = View::new(&all[newest..], better, rule);
+        let accepted = accepted.and_then(|index| index.checked_sub(newest));
         self.newest_change(&view, accepted)
     }
 
@@ -196,29 +214,32 @@ impl Judge<'_> {
             Outcome::Regression => "worse",
             _ => "better",
         };
+        let (from, to) = (median(before), median(now));
         let finding = Finding {
-            limit: Some(Value(median(before))),
-            ..named(view.results.get(level.index), view.results.get(level.index - 1))
+            limit: Some(Value(from)),
+            ..match outcome {
+                Outcome::Regression => named(view.results.get(level.index), view.results.get(level.index - 1)),
+                _ => Finding::default(),
+            }
         };
         let chance = match level.p {
             Some(p) => format!("p = {p:.3}"),
-            None => "longer ago than the window".to_owned(),
+            None => "found before".to_owned(),
         };
-        if !before.iter().chain(now).all(|value| value.is_finite()) {
-            let (before, now) = (median(before), median(now));
+        if !(from.is_finite() && to.is_finite()) {
             let detail = format!(
-                "changed for the {words} from {} to {}, {chance}",
-                Value(before),
-                Value(now)
+                "changed for the {words} from {:.4} to {:.4}, {chance}",
+                Value(from),
+                Value(to)
             );
-            let effect = Some(Value(now - before)).filter(|effect| !effect.0.is_nan());
+            let effect = Some(Value(to - from)).filter(|effect| !effect.0.is_nan());
             return self.check(Kind::Change, outcome, detail, Finding { effect, ..finding });
         }
-        let (effect, low, high) = change::effect(before, now);
+        let finite =
+            |values: &[f64]| -> Vec<f64> { values.iter().copied().filter(|value| value.is_finite()).collect() };
+        let (effect, low, high) = change::effect(&finite(before), &finite(now));
         let detail = format!(
-            "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {:.4} to {:.4}, {chance}",
-            median(before),
-            median(now)
+            "changed for the {words} by {effect:+.4} ({low:+.4} to {high:+.4}), from {from:.4} to {to:.4}, {chance}"
         );
         let finding = Finding {
             effect: Some(Value(effect)),
