@@ -136,7 +136,7 @@ impl Judge<'_> {
             .rev()
             .filter(|known| known.state == ChangeState::Closed);
         let closed = closed.filter_map(|known| self.place_of(known.report_id));
-        let closed = closed.filter(|index| index + 2 * rule.window >= all.len());
+        let closed = closed.filter(|index| index + 2 * rule.window >= all.len()).take(1);
         let open = open.and_then(|open| self.place_of(open.report_id));
         for index in open.into_iter().chain(closed).filter(is_new) {
             let start = newest.min(index.saturating_sub(rule.window));
@@ -145,8 +145,11 @@ impl Judge<'_> {
                 return self.changed(&view, &level, Outcome::Regression);
             }
         }
-        let view = View::new(&all[newest..], better, rule);
-        let accepted = accepted.and_then(|index| index.checked_sub(newest));
+        // While an alert was open, another change may have left the window behind it.
+        let farthest = all.len().saturating_sub(2 * rule.window);
+        let start = open.map_or(newest, |index| newest.min(index.max(farthest)));
+        let view = View::new(&all[start..], better, rule);
+        let accepted = accepted.and_then(|index| index.checked_sub(start));
         self.newest_change(&view, accepted)
     }
 

@@ -342,6 +342,20 @@ fn what_was_found_once_is_not_lost_in_noise() {
 }
 
 #[test]
+fn a_change_behind_another_is_not_lost_with_it() {
+    // A small one, made good at last, and a large one since, which is out of the window by then.
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4, window = 20 }";
+    let values = [vec![1.0; 13], vec![1.02; 6], vec![1.0; 21], vec![1.1; 24]].concat();
+    let approved = Approved {
+        changes: vec![known(14, ChangeState::Open)],
+        ..Approved::default()
+    };
+    let found = judge(rules, "gpu_time_ms", &[1.1], &history(&values), &approved).remove(0);
+    assert_eq!(found.outcome, Outcome::Regression, "{}", found.detail);
+    assert_eq!(found.finding.first_bad_commit.as_deref(), Some("c40"));
+}
+
+#[test]
 fn a_change_is_made_good_by_the_level_before_it() {
     // What was approved before counts, not what was before that.
     let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4, window = 12 }";
