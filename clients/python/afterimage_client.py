@@ -338,9 +338,9 @@ class Cell(TypedDict):
 class Change(TypedDict):
     """A change of level."""
 
-    #: Median after, up to the next change.
+    #: Median after, up to the next change, within the rule's window.
     after: "Value"
-    #: Median before, back to the change before.
+    #: Median before, back to the change before, within the rule's window.
     before: "Value"
     #: Its commit.
     commit: Union[str, None]
@@ -769,7 +769,7 @@ class Marks(TypedDict):
     baseline: Union["Baseline", None]
     #: The branch whose rules these are; none where no branch has any for this line.
     branch: Union[str, None]
-    #: Where the line changed its level, oldest first.
+    #: Where the line changed its level in the rule's window, oldest first, with the change that an alert is open of.
     changes: List["Change"]
     #: The most that is good enough.
     max: Union["Value", None]

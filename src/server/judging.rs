@@ -76,52 +76,94 @@ struct Gathered {
     approved: crate::verdict::Approved,
 }
 
+/// What reports were found to be, held against rules.
+struct Findings {
+    checks: Vec<Check>,
+    /// Lines and metrics whose branch has gone on to other commits.
+    superseded: BTreeSet<(i64, String)>,
+    /// The reports of those commits.
+    tips: BTreeSet<i64>,
+}
+
 /// Judges reports that are stored, and notes what follows.
 pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<Judgement, ApiError> {
+    let store = &service.store;
     let reports = load(service, ids).await?;
     let (project, branch) = place(&reports)?;
-    let mut by_series: BTreeMap<i64, Vec<Arc<Report>>> = BTreeMap::new();
-    for report in &reports {
-        by_series.entry(report.series.id).or_default().push(Arc::clone(report));
-    }
-    let mut gathered = Vec::new();
-    for reports in by_series.values() {
-        gather(service, reports, &branch, &rules, &mut gathered).await?;
-    }
-    let on_branch = !branch.is_empty();
-    let superseded: BTreeSet<_> = gathered
-        .iter()
-        .filter(|one| on_branch && one.is_superseded())
-        .map(Gathered::key)
-        .collect();
-    let judged = rules.clone();
-    let mut checks = blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>()).await?;
-    for reports in by_series.values() {
-        let series = &reports[0].series;
-        let (sequence, recipe) = (&series.sequence_name, &series.preset);
-        checks.extend(rules.unmeasured(Some(series.id), sequence, recipe, &measured(reports)));
-    }
-    add_worst_frames(service, &reports, &mut checks).await?;
+    let found = held_against(service, &reports, &branch, &rules).await?;
     let now = Timestamp::now();
     // What was before says nothing of how a branch stands now.
-    if is_current(service, &by_series, &branch).await? {
-        service.store.put_rules(&project, &branch, &rules, now).await?;
+    if is_current(service, &by_series(&reports), &branch).await? {
+        store.put_rules(&project, &branch, &rules, now).await?;
     }
-    let stands = |check: &&Check| {
+    let is_superseded = |check: &Check| {
         let key = check.series_id.map(|id| (id, check.metric.clone()));
-        key.is_none_or(|key| !superseded.contains(&key))
+        key.is_some_and(|key| found.superseded.contains(&key))
     };
-    let current: Vec<Check> = checks.iter().filter(stands).cloned().collect();
-    let alerts = service.store.note_checks(&project, &branch, &current, now).await?;
-    let series: Vec<i64> = by_series.keys().copied().collect();
-    service.store.note_heard(&branch, &series, now).await?;
+    let mut current: Vec<Check> = found
+        .checks
+        .iter()
+        .filter(|check| !is_superseded(check))
+        .cloned()
+        .collect();
+    // But the past may say where a fault of now began: it is looked at again, by the branch's own rules.
+    if !found.tips.is_empty()
+        && let Some(rules) = store.rules(&project, &branch).await?
+    {
+        let tips: Vec<i64> = found.tips.iter().copied().collect();
+        let again = held_against(service, &load(service, &tips).await?, &branch, &rules).await?;
+        current.extend(again.checks.into_iter().filter(is_superseded));
+    }
+    let alerts = store.note_checks(&project, &branch, &current, now).await?;
+    let series: Vec<i64> = by_series(&reports).into_keys().collect();
+    store.note_heard(&branch, &series, now).await?;
     let judgement = Judgement {
-        outcome: overall(&checks),
-        checks,
+        outcome: overall(&found.checks),
+        checks: found.checks,
         alerts,
     };
     announce(service, &project, &branch, &reports, &judgement).await?;
     Ok(judgement)
+}
+
+/// The reports of each line.
+fn by_series(reports: &[Arc<Report>]) -> BTreeMap<i64, Vec<Arc<Report>>> {
+    let mut lines: BTreeMap<i64, Vec<Arc<Report>>> = BTreeMap::new();
+    for report in reports {
+        lines.entry(report.series.id).or_default().push(Arc::clone(report));
+    }
+    lines
+}
+
+async fn held_against(
+    service: &Service,
+    reports: &[Arc<Report>],
+    branch: &str,
+    rules: &Rules,
+) -> Result<Findings, ApiError> {
+    let lines = by_series(reports);
+    let mut gathered = Vec::new();
+    for reports in lines.values() {
+        gather(service, reports, branch, rules, &mut gathered).await?;
+    }
+    let is_superseded = |one: &&Gathered| !branch.is_empty() && one.is_superseded();
+    let superseded = gathered.iter().filter(is_superseded);
+    let tips = superseded.clone().filter_map(|one| one.history.last());
+    let tips = tips.flat_map(|tip| tip.report_ids.iter().copied()).collect();
+    let superseded = superseded.map(Gathered::key).collect();
+    let judged = rules.clone();
+    let mut checks = blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>()).await?;
+    for reports in lines.values() {
+        let series = &reports[0].series;
+        let (sequence, recipe) = (&series.sequence_name, &series.preset);
+        checks.extend(rules.unmeasured(Some(series.id), sequence, recipe, &measured(reports)));
+    }
+    add_worst_frames(service, reports, &mut checks).await?;
+    Ok(Findings {
+        checks,
+        superseded,
+        tips,
+    })
 }
 
 async fn load(service: &Service, ids: &[i64]) -> Result<Vec<Arc<Report>>, ApiError> {

@@ -11,14 +11,14 @@ use crate::{
     statistics::median,
     store::{Series, Timestamp, TrendFilter},
     verdict::{
-        Approved, Checks, Past, Tolerance, better,
-        change::{ChangePoint, change_points, place},
+        Approved, ChangeState, Checks, Past, Tolerance, better,
+        change::{change_points, place},
     },
 };
 use axum::{Json, extract::State};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::Range};
 
 /// Query of `GET /series/{series}/marks`.
 #[derive(Deserialize, JsonSchema)]
@@ -42,7 +42,7 @@ pub struct Marks {
     max: Option<Value>,
     /// What was approved.
     baseline: Option<Baseline>,
-    /// Where the line changed its level, oldest first.
+    /// Where the line changed its level in the rule's window, oldest first, with the change that an alert is open of.
     changes: Vec<Change>,
 }
 
@@ -66,9 +66,9 @@ pub struct Change {
     commit: Option<String>,
     /// When it was stored.
     created_at: Timestamp,
-    /// Median before, back to the change before.
+    /// Median before, back to the change before, within the rule's window.
     before: Value,
-    /// Median after, up to the next change.
+    /// Median after, up to the next change, within the rule's window.
     after: Value,
     /// The probability that chance made it.
     p: f64,
@@ -120,19 +120,40 @@ pub async fn of(service: &Service, series: &Series, metric: &str, branch: Option
         .and_then(|checks| checks.better)
         .or_else(|| better(metric));
     let rule = checks.as_ref().and_then(|checks| checks.change).unwrap_or_default();
+    let open = approved.changes.iter().find(|known| known.state == ChangeState::Open);
+    let open = open.and_then(|open| {
+        history
+            .iter()
+            .position(|past| past.report_ids.contains(&open.report_id))
+    });
     let mut changes = blocking(move || {
-        let history = &history[history.len().saturating_sub(rule.window)..];
         let values: Vec<f64> = history.iter().map(|past| past.value).collect();
-        let found = change_points(&place(&values, better, &rule), &rule);
-        let start = |position: usize| found.get(position).map_or(values.len(), |point| point.index);
-        let change = |(position, point): (usize, &ChangePoint)| Change {
-            report_id: history[point.index].report_id(),
-            commit: history[point.index].commit.clone(),
-            created_at: Timestamp(0),
-            before: Value(median(&values[position.checked_sub(1).map_or(0, start)..point.index])),
-            after: Value(median(&values[point.index..start(position + 1)])),
-            p: point.p,
-            worse: better.map(|better| (better == Better::Higher) == (point.after < point.before)),
+        let n = values.len();
+        let in_part = |part: Range<usize>| {
+            let found = change_points(&place(&values[part.clone()], better, &rule), &rule);
+            found.into_iter().map(move |point| (part.start + point.index, point.p))
+        };
+        let newest = n.saturating_sub(rule.window);
+        // What an alert is open of is drawn, however long ago it was.
+        let older = open
+            .filter(|&index| index < newest)
+            .map(|index| index.saturating_sub(rule.window)..n.min(index + rule.window));
+        let older = older.into_iter().flat_map(in_part).filter(|&(index, _)| index < newest);
+        let found: Vec<(usize, f64)> = older.chain(in_part(newest..n)).collect();
+        let change = |(position, &(index, p)): (usize, &(usize, f64))| {
+            let from = position.checked_sub(1).map_or(0, |position| found[position].0);
+            let to = found.get(position + 1).map_or(n, |next| next.0);
+            let before = median(&values[from.max(index.saturating_sub(rule.window))..index]);
+            let after = median(&values[index..to.min(index + rule.window)]);
+            Change {
+                report_id: history[index].report_id(),
+                commit: history[index].commit.clone(),
+                created_at: Timestamp(0),
+                before: Value(before),
+                after: Value(after),
+                p,
+                worse: better.map(|better| (better == Better::Higher) == (after < before)),
+            }
         };
         found.iter().enumerate().map(change).collect::<Vec<_>>()
     })
@@ -157,11 +178,9 @@ async fn checks(
     metric: &str,
     branch: Option<&str>,
 ) -> Result<Option<Checks>, ApiError> {
-    let sets = service.store.rule_sets().await?;
-    let (project, branch) = (&series.project, branch.unwrap_or_default());
-    let found = sets.iter().find(|(of, on, _)| of == project && on == branch);
+    let found = service.store.rules(&series.project, branch.unwrap_or_default()).await?;
     Ok(found
-        .map(|(.., rules)| rules.checks(&series.sequence_name, &series.preset, metric))
+        .map(|rules| rules.checks(&series.sequence_name, &series.preset, metric))
         .filter(|checks| *checks != Checks::default()))
 }
 

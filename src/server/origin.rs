@@ -77,7 +77,7 @@ macro_rules! with_origin {
             #[serde(default)]
             pub label: Option<String>,
             /// Free names and values, at most 50.
-            #[serde(default)]
+            #[serde(default, deserialize_with = "crate::server::extract::by_name")]
             pub labels: std::collections::BTreeMap<String, String>,
         }
 

@@ -3,7 +3,7 @@
 
 use super::{
     ApiError, ApiPath, ApiQuery, Service, Shared,
-    extract::ApiJson,
+    extract::{ApiJson, by_name},
     idempotency::Keyed,
     judging::{self, Judgement},
     origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, is_name, is_plain, settings, with_origin},
@@ -46,10 +46,10 @@ pub struct FrameRequest {
     #[serde(default)]
     pub non_finite_pixels: u32,
     /// By metric.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "by_name")]
     pub metrics: BTreeMap<String, Value>,
     /// GPU time by pass, milliseconds.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "by_name")]
     pub times_ms: BTreeMap<String, f64>,
 }
 
@@ -69,13 +69,13 @@ pub struct ReportRequest {
     #[serde(default)]
     pub environment: EnvironmentRequest,
     /// Version of metrics that are not known here; only equal versions are compared.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "by_name")]
     pub metric_versions: BTreeMap<String, u32>,
     /// Every frame, in any order.
     #[serde(default)]
     pub frames: Vec<FrameRequest>,
     /// One number a metric, where there are no frames.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "by_name")]
     pub values: BTreeMap<String, Value>,
     /// What a reader must know to trust the numbers.
     #[serde(default)]
@@ -336,6 +336,7 @@ pub async fn post_frames(
 #[derive(Default)]
 pub struct CloseRequest {
     /// Version of metrics that are not known here.
+    #[serde(deserialize_with = "by_name")]
     metric_versions: BTreeMap<String, u32>,
     /// Judge the report by these, and keep them as the branch's.
     rules: Option<Rules>,
@@ -382,7 +383,13 @@ pub async fn close(
 #[derive(Deserialize, JsonSchema)]
 #[serde(transparent)]
 #[schemars(extend("minProperties" = 1, "maxProperties" = 1000))]
-pub struct BencherRequest(BTreeMap<String, BTreeMap<String, BencherMetric>>);
+pub struct BencherRequest(#[serde(deserialize_with = "by_name")] BTreeMap<String, BencherMeasures>);
+
+/// A benchmark's measures.
+#[derive(Deserialize, JsonSchema)]
+#[serde(transparent)]
+#[schemars(inline)]
+pub struct BencherMeasures(#[serde(deserialize_with = "by_name")] BTreeMap<String, BencherMetric>);
 
 /// One measure of a benchmark.
 #[derive(Deserialize, JsonSchema)]
@@ -426,7 +433,7 @@ pub async fn post_bencher(
     }
     stay_distinct(benchmarks.keys())?;
     let mut reports = Vec::with_capacity(benchmarks.len());
-    for (benchmark, measures) in benchmarks {
+    for (benchmark, BencherMeasures(measures)) in benchmarks {
         stay_distinct(measures.keys())?;
         let mut notes = Vec::new();
         let mut values = BTreeMap::new();

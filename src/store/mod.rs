@@ -6,6 +6,7 @@
 //! A report becomes visible whole or not at all: [`Store::finish`] writes every row of a job, and the job's `done`, in
 //! one transaction. Results measured elsewhere go through [`Ingest`], which commits many at once.
 
+mod alerts;
 mod bench;
 mod cache;
 mod checks;
@@ -29,6 +30,7 @@ mod webhooks;
 mod writer;
 mod writing;
 
+pub use alerts::{Alert, AlertFilter, AlertStatus};
 pub use bench::{BenchFilter, BenchRun};
 pub use checks::{Check, Unchecked};
 pub use data_folder::{DataFolder, FolderError};
@@ -46,7 +48,7 @@ pub use stress::StressRun;
 pub use time::Timestamp;
 pub use tokens::{NewToken, Scope, Token, random_secret, token_hash};
 pub use trend::{BranchPath, Point, TrendFilter, TrendPoint, downsample};
-pub use verdicts::{Alert, AlertFilter, AlertStatus, Decision, Verdict};
+pub use verdicts::{Decision, Verdict};
 pub use webhooks::{Delivery, DeliveryStatus, Webhook};
 pub use writer::State;
 

@@ -114,6 +114,61 @@ fn what_is_measured_again_stays_where_it_was() {
 }
 
 #[test]
+fn a_bisection_moves_what_alerts_name() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let night = |i: usize, rules: &Value| {
+        let level = if i < 19 { 34.0 } else { 33.0 };
+        let parent = json!({"parent": format!("m{}", i as i64 - 1), "rules": rules});
+        post(&client, &format!("m{i}"), json!(level), parent)
+    };
+    let rules = json!({"rule": [{"metric": "psnr", "min": 33.5, "change": {}}]});
+    for i in (0..30).filter(|i| !(18..20).contains(i)) {
+        night(i, &rules);
+    }
+    let named = || {
+        let open = listed(&client, "status=open");
+        let name = |alert: &Value| (alert["kind"].clone(), alert["finding"]["first_bad_commit"].clone());
+        open.iter().map(name).collect::<Vec<_>>()
+    };
+    assert_eq!(
+        named(),
+        [(json!("change"), json!("m20")), (json!("limit"), json!("m20"))]
+    );
+    // Rules of an old commit do not judge the branch as it is now.
+    night(
+        19,
+        &json!({"rule": [{"metric": "psnr", "min": 30, "change": {"min_effect": 5}}]}),
+    );
+    assert_eq!(
+        named(),
+        [(json!("change"), json!("m19")), (json!("limit"), json!("m19"))]
+    );
+    night(18, &rules);
+    let last_good = |alert: Value| alert["finding"]["last_good_commit"].clone();
+    let last_good: Vec<Value> = listed(&client, "status=open").into_iter().map(last_good).collect();
+    assert_eq!(last_good, [json!("m18"), json!("m18")]);
+}
+
+#[test]
+fn a_change_that_an_alert_is_open_of_is_drawn_however_old() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let rules = json!({"rules": {"rule": [{"metric": "psnr", "change": {"min_effect": 0.2, "window": 20}}]}});
+    for i in 0..70 {
+        let level = if i < 20 { 34.0 } else { 33.0 };
+        let noise = 0.02 * ((i * 7) % 5) as f64;
+        post(&client, &format!("m{i}"), json!(level + noise), rules.clone());
+    }
+    let marks = client.get("/series/1/marks?metric=psnr&branch=main").json();
+    let drawn = marks["changes"].as_array().unwrap();
+    assert_eq!(drawn.len(), 1, "{marks}");
+    assert_eq!((&drawn[0]["commit"], &drawn[0]["worse"]), (&json!("m20"), &json!(true)));
+    let levels = [&drawn[0]["before"], &drawn[0]["after"]].map(|level| level.as_f64().unwrap());
+    assert_eq!(levels, [34.04, 33.04]);
+}
+
+#[test]
 fn results_are_ordered_by_their_parents() {
     let service = TestService::start(Idle, &[]);
     let client = service.client();

@@ -170,6 +170,22 @@ fn every_mistake_of_a_report_is_named() {
     post(json!({"frames": [{"index": 1}]})).is_problem(422, "invalid_field", Some("frames"), "no numbers");
     let twice = json!({"index": 1, "metrics": {"psnr": 1}});
     post(json!({"frames": [twice, twice]})).is_problem(422, "invalid_field", Some("frames"), "twice");
+    let named_twice = |body: &str, path: &str, field: &str| {
+        let json = [("content-type", "application/json")];
+        client.send("POST", path, &json, body.as_bytes()).is_problem(
+            422,
+            "invalid_field",
+            Some(field),
+            "appears twice",
+        );
+    };
+    let frame = r#"{"sequence": "a", "system": "b", "frames": [{"index": 0, "metrics": {"flip": 0.1, "flip": 0.2}}]}"#;
+    named_twice(frame, "/reports", "frames[0].metrics");
+    named_twice(
+        r#"{"a": {"b": {"value": 1}, "b": {"value": 2}}}"#,
+        "/reports/bencher",
+        "a",
+    );
     post(json!({"frames": [{"index": 1, "metrics": {"a b": 1}}]})).is_problem(
         422,
         "invalid_field",

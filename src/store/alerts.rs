@@ -1,0 +1,373 @@
+//! Alerts: faults that were found, until they are made good, approved or dismissed.
+
+use super::{Series, SeriesFilter, Store, StoreError, Timestamp, reading::json};
+use crate::verdict::{Check, Finding, Kind, Outcome, Rules, matches};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use sqlx::{Connection as _, Row, sqlite::SqliteRow};
+use std::time::Duration;
+
+/// Where an alert stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, sqlx::Type)]
+#[serde(rename_all = "snake_case")]
+#[sqlx(rename_all = "snake_case")]
+pub enum AlertStatus {
+    /// The fault is there.
+    Open,
+    /// A later result was good, the result was approved, or its rule was removed.
+    Resolved,
+    /// Someone said that it does not matter.
+    Dismissed,
+}
+
+/// A fault that was found.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Alert {
+    /// Number, rising with time.
+    pub id: i64,
+    /// Project.
+    pub project: String,
+    /// Branch that was judged; empty for none.
+    pub branch: String,
+    /// The line.
+    pub series: Series,
+    /// The metric's id; empty where no data came at all.
+    pub metric: String,
+    /// What kind of check failed.
+    pub kind: Kind,
+    /// Where it stands.
+    pub status: AlertStatus,
+    /// The first bad report, or the last one before silence.
+    pub report_id: Option<i64>,
+    /// Its job, if it came from one.
+    pub job_id: Option<i64>,
+    /// Its place in the job.
+    pub preset_index: Option<i64>,
+    /// In words.
+    pub detail: String,
+    /// In numbers.
+    pub finding: Finding,
+    /// Why it is closed.
+    pub closed_why: Option<String>,
+    /// Who closed it.
+    pub closed_by: Option<String>,
+    /// When it was found.
+    pub opened_at: Timestamp,
+    /// When it was last found again.
+    pub updated_at: Timestamp,
+    /// When it was closed.
+    pub closed_at: Option<Timestamp>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct StoredFinding {
+    detail: String,
+    finding: Finding,
+}
+
+/// Which alerts to list, newest first.
+#[derive(Clone, Debug, Default)]
+pub struct AlertFilter {
+    /// Only of this project.
+    pub project: Option<String>,
+    /// Only of this status.
+    pub status: Option<AlertStatus>,
+    /// Only of this branch.
+    pub branch: Option<String>,
+    /// Only the one with this number.
+    pub id: Option<i64>,
+    /// Only those whose first bad report is this one or a later one.
+    pub since_report: Option<i64>,
+    /// Only those with smaller numbers.
+    pub before: Option<i64>,
+    /// At most so many.
+    pub limit: u32,
+}
+
+fn kind(id: &str) -> Kind {
+    match id {
+        "limit" => Kind::Limit,
+        "baseline" => Kind::Baseline,
+        "change" => Kind::Change,
+        _ => Kind::NoData,
+    }
+}
+
+/// What an alert's row alone says.
+fn alert(row: &SqliteRow, series: Series) -> Result<Alert, sqlx::Error> {
+    let found: StoredFinding = json(row, "finding")?;
+    Ok(Alert {
+        id: row.try_get("id")?,
+        project: series.project.clone(),
+        branch: row.try_get("branch")?,
+        series,
+        metric: row.try_get("metric")?,
+        kind: kind(row.try_get("kind")?),
+        status: row.try_get("status")?,
+        report_id: row.try_get("report_id")?,
+        job_id: row.try_get("job_id")?,
+        preset_index: row.try_get("preset_index")?,
+        detail: found.detail,
+        finding: found.finding,
+        closed_why: row.try_get("closed_why")?,
+        closed_by: row.try_get("closed_by")?,
+        opened_at: row.try_get("opened_at")?,
+        updated_at: row.try_get("updated_at")?,
+        closed_at: row.try_get("closed_at")?,
+    })
+}
+
+impl Store {
+    /// Opens an alert for each failed check, adds to those that are open, and resolves those whose check holds again.
+    /// Gives the numbers of the alerts that are new.
+    pub async fn note_checks(
+        &self,
+        project: &str,
+        branch: &str,
+        checks: &[Check],
+        now: Timestamp,
+    ) -> Result<Vec<i64>, StoreError> {
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
+        let mut new = Vec::new();
+        for check in checks {
+            let Some(series_id) = check.series_id else { continue };
+            let key = (branch, series_id, check.metric.as_str(), check.kind.id());
+            match check.outcome {
+                Outcome::Unknown => {}
+                Outcome::Ok => {
+                    sqlx::query(
+                        "UPDATE alerts SET status = 'resolved', closed_why = 'the check holds again', closed_at = ?5
+                         WHERE status = 'open' AND branch = ?1 AND series_id = ?2 AND metric = ?3 AND kind = ?4",
+                    )
+                    .bind(key.0)
+                    .bind(key.1)
+                    .bind(key.2)
+                    .bind(key.3)
+                    .bind(now)
+                    .execute(&mut *transaction)
+                    .await?;
+                }
+                Outcome::Regression => {
+                    if let Some(id) = open(&mut transaction, project, key, check, now).await? {
+                        new.push(id);
+                    }
+                }
+            }
+        }
+        transaction.commit().await?;
+        Ok(new)
+    }
+
+    /// Alerts, newest first.
+    pub async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError> {
+        let rows = sqlx::query(
+            "SELECT alerts.*, reports.job_id, reports.preset_index
+             FROM alerts JOIN projects ON projects.id = alerts.project_id LEFT JOIN reports ON reports.id = report_id
+             WHERE (?1 IS NULL OR projects.name = ?1) AND (?2 IS NULL OR status = ?2) AND (?3 IS NULL OR branch = ?3)
+               AND (?4 IS NULL OR alerts.id = ?4) AND (?5 IS NULL OR alerts.id < ?5)
+               AND (?6 IS NULL OR alerts.report_id >= ?6)
+             ORDER BY alerts.id DESC LIMIT +?7",
+        )
+        .bind(&filter.project)
+        .bind(filter.status)
+        .bind(&filter.branch)
+        .bind(filter.id)
+        .bind(filter.before)
+        .bind(filter.since_report)
+        .bind(filter.limit)
+        .fetch_all(&self.readers)
+        .await?;
+        let mut alerts = Vec::with_capacity(rows.len());
+        for row in rows {
+            let filter = SeriesFilter {
+                id: Some(row.try_get("series_id")?),
+                ..SeriesFilter::default()
+            };
+            if let Some(series) = self.series(&filter).await?.pop() {
+                alerts.push(alert(&row, series)?);
+            }
+        }
+        Ok(alerts)
+    }
+
+    /// How many alerts are open.
+    pub async fn n_open_alerts(&self) -> Result<i64, StoreError> {
+        let n = sqlx::query_scalar("SELECT count(*) FROM alerts WHERE status = 'open'")
+            .fetch_one(&self.readers)
+            .await?;
+        Ok(n)
+    }
+
+    /// Closes an open alert; whether there was one.
+    pub async fn close_alert(
+        &self,
+        id: i64,
+        status: AlertStatus,
+        why: &str,
+        who: Option<&str>,
+        now: Timestamp,
+    ) -> Result<bool, StoreError> {
+        let done = sqlx::query(
+            "UPDATE alerts SET status = ?, closed_why = ?, closed_by = ?, closed_at = ? WHERE id = ? AND status = 'open'",
+        )
+        .bind(status)
+        .bind(why)
+        .bind(who)
+        .bind(now)
+        .bind(id)
+        .execute(&mut *self.writer.acquire().await?)
+        .await?;
+        Ok(done.rows_affected() > 0)
+    }
+
+    /// Resolves the alerts of lines of a branch that were silent and have had a report since.
+    pub async fn note_heard(&self, branch: &str, series_ids: &[i64], now: Timestamp) -> Result<(), StoreError> {
+        let silent: bool = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM alerts WHERE status = 'open' AND kind = 'no_data' AND branch = ?)",
+        )
+        .bind(branch)
+        .fetch_one(&self.readers)
+        .await?;
+        if !silent {
+            return Ok(());
+        }
+        sqlx::query(
+            "UPDATE alerts SET status = 'resolved', closed_why = 'the check holds again', closed_at = ?3
+             WHERE status = 'open' AND kind = 'no_data' AND branch = ?1
+               AND series_id IN (SELECT value FROM json_each(?2))
+               AND EXISTS (SELECT 1 FROM reports JOIN branches ON branches.id = branch_id
+                           WHERE reports.series_id = alerts.series_id AND branches.name = ?1 AND complete
+                             AND reports.id > alerts.last_good_report_id)",
+        )
+        .bind(branch)
+        .bind(serde_json::to_string(series_ids)?)
+        .bind(now)
+        .execute(&mut *self.writer.acquire().await?)
+        .await?;
+        Ok(())
+    }
+
+    /// Opens an alert for every line that had reports on a branch with rules and has been silent for the nights that they
+    /// allow, and resolves those that speak again. Gives the new alerts' numbers.
+    pub async fn note_silence(&self, now: Timestamp) -> Result<Vec<i64>, StoreError> {
+        let mut new = Vec::new();
+        for (project, branch, rules) in self.rule_sets().await? {
+            let Some(nights) = rules.no_data_nights else { continue };
+            let checks = self.silence(&project, &branch, &rules, nights, now).await?;
+            new.extend(self.note_checks(&project, &branch, &checks, now).await?);
+        }
+        Ok(new)
+    }
+
+    async fn silence(
+        &self,
+        project: &str,
+        branch: &str,
+        rules: &Rules,
+        nights: u32,
+        now: Timestamp,
+    ) -> Result<Vec<Check>, StoreError> {
+        let lines: Vec<(i64, i64, Option<String>, Timestamp)> = sqlx::query_as(
+            "SELECT series_id, max(reports.id), git_commit, reports.created_at
+             FROM reports JOIN branches ON branches.id = branch_id JOIN projects ON projects.id = branches.project_id
+             WHERE projects.name = ? AND branches.name = ? AND complete GROUP BY series_id",
+        )
+        .bind(project)
+        .bind(branch)
+        .fetch_all(&self.readers)
+        .await?;
+        let mut checks = Vec::new();
+        for (series_id, report_id, commit, last_at) in lines {
+            let filter = SeriesFilter {
+                id: Some(series_id),
+                ..SeriesFilter::default()
+            };
+            let Some(series) = self.series(&filter).await?.pop() else {
+                continue;
+            };
+            let is_ruled = rules
+                .rules
+                .iter()
+                .any(|rule| matches(&rule.sequence, &series.sequence_name) && matches(&rule.recipe, &series.preset));
+            if !is_ruled {
+                continue;
+            }
+            // Half a night of grace: a nightly that starts late is not silent.
+            let allowed = Duration::from_secs(u64::from(nights) * 86_400 + 43_200);
+            let is_silent = now.since(last_at) > allowed;
+            checks.push(Check {
+                series_id: Some(series_id),
+                sequence: series.sequence_name,
+                recipe: series.preset,
+                metric: String::new(),
+                kind: Kind::NoData,
+                outcome: if is_silent { Outcome::Regression } else { Outcome::Ok },
+                detail: format!(
+                    "no report for {} nights; the last one came {last_at}",
+                    now.since(last_at).as_secs() / 86_400
+                ),
+                finding: Finding {
+                    last_good_report: Some(report_id),
+                    last_good_commit: commit,
+                    ..Finding::default()
+                },
+            });
+        }
+        Ok(checks)
+    }
+}
+
+/// Opens an alert, or adds to the one that is open already; its number if it is new.
+async fn open(
+    connection: &mut sqlx::SqliteConnection,
+    project: &str,
+    (branch, series_id, metric, kind): (&str, i64, &str, &str),
+    check: &Check,
+    now: Timestamp,
+) -> Result<Option<i64>, StoreError> {
+    let found = serde_json::to_string(&StoredFinding {
+        detail: check.detail.clone(),
+        finding: check.finding.clone(),
+    })?;
+    // Where it began is known better with each result.
+    let first_bad = check.finding.first_bad_report.or(check.finding.last_good_report);
+    let known = sqlx::query(
+        "UPDATE alerts SET finding = ?5, updated_at = ?6, report_id = ?7, last_good_report_id = ?8
+         WHERE status = 'open' AND branch = ?1 AND series_id = ?2 AND metric = ?3 AND kind = ?4",
+    )
+    .bind(branch)
+    .bind(series_id)
+    .bind(metric)
+    .bind(kind)
+    .bind(&found)
+    .bind(now)
+    .bind(first_bad)
+    .bind(check.finding.last_good_report)
+    .execute(&mut *connection)
+    .await?;
+    if known.rows_affected() > 0 {
+        return Ok(None);
+    }
+    // What was dismissed stays so while it is the same fault.
+    let id: Option<i64> = sqlx::query_scalar(
+        "INSERT INTO alerts (project_id, branch, series_id, metric, kind, status, report_id, last_good_report_id,
+                             finding, opened_at, updated_at)
+         SELECT (SELECT id FROM projects WHERE name = ?1), ?2, ?3, ?4, ?5, 'open', ?6, ?7, ?8, ?9, ?9
+         WHERE NOT EXISTS (SELECT 1 FROM alerts WHERE status = 'dismissed' AND branch = ?2 AND series_id = ?3
+                           AND metric = ?4 AND kind = ?5 AND report_id IS ?6)
+         RETURNING id",
+    )
+    .bind(project)
+    .bind(branch)
+    .bind(series_id)
+    .bind(metric)
+    .bind(kind)
+    .bind(first_bad)
+    .bind(check.finding.last_good_report)
+    .bind(&found)
+    .bind(now)
+    .fetch_optional(&mut *connection)
+    .await?;
+    Ok(id)
+}
