@@ -1,7 +1,7 @@
 //! One cell: a scenario on the adapter and in the twin, and what is to be said of both.
 
 use super::{
-    device::{Device, Left},
+    device::{CellError, Device, Left},
     difference::{self, Bias, Difference, Measure, Rounding, SHARE, smallest_weight, tolerance},
     endurance::endure,
     findings::Findings,
@@ -12,7 +12,6 @@ use super::{
     scenario::{Asks, Scenario, Segment},
 };
 use crate::{
-    gpu::GpuError,
     hex::hex,
     image::Image,
     sequence::Frame,
@@ -28,7 +27,7 @@ pub fn run(
     device: Device<'_>,
     scenario: &Scenario,
     every_frame: bool,
-) -> Result<(Findings, Option<Pictures>), GpuError> {
+) -> Result<(Findings, Option<Pictures>), CellError> {
     match &scenario.asks {
         Asks::Endurance { period } => endurance(device, scenario, *period, every_frame),
         _ => frame_by_frame(device, scenario),
@@ -38,7 +37,7 @@ pub fn run(
 /// Error of one frame is negligible below this: a step of f32 in the middle of the display's range.
 const NEGLIGIBLE: f64 = 1e-6;
 
-fn frame_by_frame(device: Device<'_>, scenario: &Scenario) -> Result<(Findings, Option<Pictures>), GpuError> {
+fn frame_by_frame(device: Device<'_>, scenario: &Scenario) -> Result<(Findings, Option<Pictures>), CellError> {
     let mut findings = Findings::default();
     let mut pictures = None;
     let mut totals = Totals::default();
@@ -49,6 +48,7 @@ fn frame_by_frame(device: Device<'_>, scenario: &Scenario) -> Result<(Findings, 
         let mut expected = Vec::with_capacity(all.len());
         let mut worst = None;
         for (index, left) in all.iter().enumerate() {
+            device.go_on()?;
             let Followed { twin, shown: of_twin } = truth.at(index, &mut totals);
             let frame = first_of_segment + index;
             let blown = || difference::blown(&left.shown, of_twin, device.recipe.domain);
@@ -80,13 +80,14 @@ fn frame_by_frame(device: Device<'_>, scenario: &Scenario) -> Result<(Findings, 
         first_of_segment += segment.n_frames;
     }
     findings.n_frames = first_of_segment;
-    totals.judge(device, scenario, &mut findings);
+    totals.judge(device, scenario, &mut findings)?;
     findings.growth = growth::fit(&findings.errors, NEGLIGIBLE);
     if let Some(growth) = findings.growth.filter(|growth| growth.trend == Trend::Exponential)
         && findings.max > 10.0 * tolerance(device.recipe, device.precision)
     {
         let words = format!("the error grows by a factor of e^{:.2e} a frame", growth.rate);
-        let (verdict, why) = match rounding_decides(device, scenario, totals.n_beyond as f64 / totals.n_pixels as f64) {
+        let (verdict, why) = match rounding_decides(device, scenario, totals.n_beyond as f64 / totals.n_pixels as f64)?
+        {
             true => (Verdict::Degrades, ROUNDING_DECIDES),
             false => (Verdict::Fails, ""),
         };
@@ -146,9 +147,9 @@ const ROUNDING_DECIDES: &str = " (so does a twin in f32: what the system decides
 
 /// Whether a good part of the `share` of pixels beyond the tolerance is so without the adapter: between twins in f32 and f64, which
 /// share all code. No excuse for a literal formula, whose lost digits are what is to be shown.
-fn rounding_decides(device: Device<'_>, scenario: &Scenario, share: f64) -> bool {
+fn rounding_decides(device: Device<'_>, scenario: &Scenario, share: f64) -> Result<bool, CellError> {
     if device.recipe.guards == Guards::Off {
-        return false;
+        return Ok(false);
     }
     let measure = Measure::of(device.recipe, device.precision);
     let (mut n_beyond, mut n_pixels) = (0, 0);
@@ -156,6 +157,7 @@ fn rounding_decides(device: Device<'_>, scenario: &Scenario, share: f64) -> bool
         let mut exact = Twin::<f64>::new(device.recipe.clone(), device.precision);
         let mut rounded = Twin::<f32>::new(device.recipe.clone(), device.precision);
         for index in 0..segment.n_frames {
+            device.go_on()?;
             let input = segment.frame(index, device.recipe);
             let expected = exact.resolve(&input).shown;
             let of_frame = difference::shown(&rounded.resolve(&input).shown, &expected, measure);
@@ -163,7 +165,7 @@ fn rounding_decides(device: Device<'_>, scenario: &Scenario, share: f64) -> bool
             n_pixels += of_frame.n_pixels;
         }
     }
-    n_beyond as f64 > (0.25 * share).max(SHARE) * n_pixels as f64
+    Ok(n_beyond as f64 > (0.25 * share).max(SHARE) * n_pixels as f64)
 }
 
 /// SHA-256 of the bits shown.
@@ -220,7 +222,7 @@ impl Totals {
         of_frame
     }
 
-    fn judge(&self, device: Device<'_>, scenario: &Scenario, findings: &mut Findings) {
+    fn judge(&self, device: Device<'_>, scenario: &Scenario, findings: &mut Findings) -> Result<(), CellError> {
         judge_bias(self.bias, findings);
         let wrong = self.rounding.wrong();
         if wrong > 0.01 {
@@ -241,7 +243,7 @@ impl Totals {
         }
         // Order is a question of bits, not of digits.
         if matches!(scenario.asks, Asks::Order(_)) {
-            return;
+            return Ok(());
         }
         // Of a disturbance only what it touches can go wrong.
         let n_pixels = match scenario.asks {
@@ -274,12 +276,13 @@ impl Totals {
                     Verdict::Degrades,
                     " (the system boxes linear colours in YCoCg: beside the brightest, f32 loses the digits of the dark)",
                 ),
-                true if rounding_decides(device, scenario, share) => (Verdict::Degrades, ROUNDING_DECIDES),
+                true if rounding_decides(device, scenario, share)? => (Verdict::Degrades, ROUNDING_DECIDES),
                 true => (Verdict::Fails, ""),
                 false => (Verdict::Degrades, ""),
             };
             findings.add(verdict, None, words + why);
         }
+        Ok(())
     }
 }
 
@@ -301,7 +304,7 @@ fn endurance(
     scenario: &Scenario,
     period: usize,
     every_frame: bool,
-) -> Result<(Findings, Option<Pictures>), GpuError> {
+) -> Result<(Findings, Option<Pictures>), CellError> {
     let segment = &scenario.segments[0];
     let endured = endure(device, segment, period, every_frame)?;
     let precision = device.recipe.precision(device.precision);

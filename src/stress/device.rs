@@ -39,22 +39,44 @@ impl Left {
     }
 }
 
+/// Why a cell did not end.
+#[derive(Debug)]
+pub enum CellError {
+    Gpu(GpuError),
+    Cancelled,
+}
+
+impl From<GpuError> for CellError {
+    fn from(error: GpuError) -> Self {
+        Self::Gpu(error)
+    }
+}
+
 /// A recipe on an adapter.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Device<'a> {
     pub gpu: &'a Gpu,
     pub recipe: &'a Recipe,
     pub precision: Precision,
     pub skip: Skip,
     pub fault: Option<Fault<'a>>,
+    pub is_cancelled: &'a (dyn Fn() -> bool + Sync),
 }
 
 /// Frames on their way at once.
 const BATCH: usize = 32;
 
 impl Device<'_> {
+    /// An error where the run is to end. Asked between frames: a cell takes up to a minute.
+    pub fn go_on(&self) -> Result<(), CellError> {
+        match (self.is_cancelled)() {
+            true => Err(CellError::Cancelled),
+            false => Ok(()),
+        }
+    }
+
     /// Resolves all frames of a segment, which `frame` may replace.
-    pub fn resolve(&self, segment: &Segment, frame: impl Fn(usize) -> Frame) -> Result<Vec<Left>, GpuError> {
+    pub fn resolve(&self, segment: &Segment, frame: impl Fn(usize) -> Frame) -> Result<Vec<Left>, CellError> {
         let gpu = self.gpu;
         let mut inputs = self.inputs(segment)?;
         let mut resolver = self.resolver(segment.sizes)?;
@@ -64,6 +86,7 @@ impl Device<'_> {
         for batch in indices.chunks(BATCH) {
             let mut on_their_way = Vec::with_capacity(batch.len());
             for &index in batch {
+                self.go_on()?;
                 inputs.upload(gpu, &as_loaded(frame(index), self.recipe))?;
                 let mut encoder = self.encoder();
                 let mut timer = Timer::new(gpu, 0);

@@ -7,7 +7,7 @@
 //! it is told to do every frame. The twin's last digits may take several periods to come back.
 
 use super::{
-    device::{Device, Left, OnItsWay},
+    device::{CellError, Device, Left, OnItsWay},
     difference::{self, Bias, Difference, Measure},
     pictures::{Picture, Pictures},
     scenario::{Segment, as_loaded},
@@ -50,7 +50,7 @@ impl Endured {
 /// Frames in one submission.
 const BATCH: usize = 128;
 
-pub fn endure(device: Device<'_>, segment: &Segment, period: usize, every_frame: bool) -> Result<Endured, GpuError> {
+pub fn endure(device: Device<'_>, segment: &Segment, period: usize, every_frame: bool) -> Result<Endured, CellError> {
     let period = if period.is_multiple_of(2) { period } else { 2 * period };
     let mut run = Run::new(device, segment, period)?;
     let piece = Piece::of(segment, device.recipe);
@@ -60,6 +60,7 @@ pub fn endure(device: Device<'_>, segment: &Segment, period: usize, every_frame:
     let mut goes_round = false;
     let mut frames = checkpoints(segment.n_frames, period);
     while let Some(frame) = frames.pop_front() {
+        device.go_on()?;
         let left = run.go_to(frame)?;
         twins.go_to(frame);
         endured.n_frames = frame + 1;

@@ -34,7 +34,7 @@ use crate::{
         recipe::{Algorithm, Guards, HistoryFilter},
     },
 };
-use device::Device;
+use device::{CellError, Device};
 use rayon::prelude::*;
 use report::{Cell, StressReport, Verdict};
 use scenario::{Asks, NotRun, Scenario, Segment, Setup};
@@ -92,7 +92,7 @@ impl Default for StressSpec {
 pub trait Observer: Sync {
     /// A cell is done; `n_done` of `n_total` are. No pictures where nothing ran.
     fn cell(&self, index: usize, cell: &Cell, pictures: Option<&Pictures>, n_done: usize, n_total: usize);
-    /// Asked between cells; `true` ends the run with [`RunError::Cancelled`].
+    /// Asked between frames; `true` ends the run with [`RunError::Cancelled`].
     fn cancelled(&self) -> bool;
 }
 
@@ -237,7 +237,7 @@ pub fn execute_with_fault(
             let known = ran.iter().find(|(known, ..)| *known == precision).cloned();
             let (mut cell, pictures) = match known {
                 Some((_, cell, pictures)) => (cell, pictures),
-                None => devices.lend(|gpu| planned.run(spec, gpu, fault))?,
+                None => devices.lend(|gpu| planned.run(spec, gpu, fault, &|| observer.cancelled()))?,
             };
             cell.precision = planned.precision;
             let n_done = n_done.fetch_add(1, Relaxed) + 1;
@@ -350,6 +350,7 @@ impl Planned<'_> {
         spec: &StressSpec,
         gpu: &Gpu,
         fault: Option<Fault<'_>>,
+        is_cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<(Cell, Option<Pictures>), RunError> {
         let recipe = &self.system.recipe;
         let setup = self.setup(spec, gpu);
@@ -386,17 +387,20 @@ impl Planned<'_> {
             precision: self.stored_precision(),
             skip: Skip::Off,
             fault,
+            is_cancelled,
         };
         if let Some(reason) = too_large(&scenario) {
             cell.reason = reason;
             return Ok((cell, None));
         }
         let (findings, pictures) = match cell::run(device, &scenario, spec.every_frame) {
-            Err(GpuError::Unsupported { message, .. }) => {
+            Err(CellError::Gpu(GpuError::Unsupported { message, .. })) => {
                 cell.reason = format!("the adapter {message}");
                 return Ok((cell, None));
             }
-            ran => ran?,
+            Err(CellError::Gpu(error)) => return Err(error.into()),
+            Err(CellError::Cancelled) => return Err(RunError::Cancelled),
+            Ok(ran) => ran,
         };
         cell.verdict = findings.verdict();
         cell.reason = findings.reason();

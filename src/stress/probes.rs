@@ -1,14 +1,14 @@
 //! What some hazards ask beside agreement with the twin.
 
 use super::{
-    device::{Device, Left},
+    device::{CellError, Device, Left},
     difference::{display_of_history, tolerance},
     findings::Findings,
     report::{Bound, Verdict},
     scenario::{Asks, DISPLAY, Frames, Order, Scenario, Segment},
 };
 use crate::{
-    gpu::{Gpu, GpuError, Variant, Workgroup},
+    gpu::{Gpu, Variant, Workgroup},
     image::Image,
     sequence::frame::Rgb,
     taa::{
@@ -24,7 +24,7 @@ pub fn ask(
     segment: &Segment,
     all: &[Left],
     findings: &mut Findings,
-) -> Result<(), GpuError> {
+) -> Result<(), CellError> {
     match &scenario.asks {
         Asks::Agreement | Asks::Digits { .. } | Asks::Endurance { .. } => {}
         Asks::Recovery {
@@ -81,7 +81,7 @@ fn recovery(
     frame: usize,
     area: [[u32; 2]; 2],
     findings: &mut Findings,
-) -> Result<(), GpuError> {
+) -> Result<(), CellError> {
     let clean = device.resolve(segment, |index| undisturbed(index))?;
     let limit = tolerance(device.recipe, device.precision);
     let scale = segment.sizes.output.width / segment.sizes.render.width;
@@ -228,7 +228,7 @@ fn equal_bits(
     all: &[Left],
     order: Order,
     findings: &mut Findings,
-) -> Result<(), GpuError> {
+) -> Result<(), CellError> {
     let again = |device: Device<'_>| device.resolve(segment, |index| (segment.frames)(index));
     let shaped = |workgroup, workgroup_memory| {
         device.gpu.with(Variant {

@@ -2,7 +2,7 @@
 //! sketch that a recipe does not stand is written as a sequence that `afterimage run` reads.
 
 use super::{
-    device::{Device, Left},
+    device::{CellError, Device, Left},
     difference::{self, Measure},
     scenario::{Segment, as_loaded, blank},
 };
@@ -312,8 +312,13 @@ impl Sketch {
             precision,
             skip: Skip::Off,
             fault: None,
+            is_cancelled: &|| false,
         };
-        device.resolve(&segment, |index| (segment.frames)(index))
+        match device.resolve(&segment, |index| (segment.frames)(index)) {
+            Err(CellError::Gpu(error)) => Err(error),
+            Err(CellError::Cancelled) => unreachable!("nobody cancels it"),
+            Ok(left) => Ok(left),
+        }
     }
 
     /// Writes it as a sequence: a manifest, and an EXR file a frame.
