@@ -13,10 +13,12 @@ use crate::{
 use hmac::{Hmac, Mac as _};
 use sha2::Sha256;
 use std::{
+    collections::BTreeSet,
     net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs as _},
     sync::Arc,
     time::Duration,
 };
+use tokio::{sync::oneshot, task::JoinSet};
 use ureq::{
     http::Uri,
     unversioned::{
@@ -29,6 +31,10 @@ use ureq::{
 const TIMEOUT: Duration = Duration::from_secs(10);
 /// How often the queue is looked at without being told.
 const IDLE: Duration = Duration::from_secs(5);
+/// Attempts at once.
+const MAX_UNDER_WAY: usize = 16;
+/// What is under way when the service stops has this long to end.
+const LAST: Duration = Duration::from_secs(2);
 
 /// Why an address will not do.
 #[derive(Debug, thiserror::Error)]
@@ -184,41 +190,62 @@ fn send(delivery: &Delivery, allows_private: bool) -> Result<(), String> {
     }
 }
 
-/// Sends what is due until the service stops.
+/// Sends what is due until the service stops: one delivery a webhook at a time, so that one that does not answer keeps only its
+/// own waiting. What is under way at the stop may be sent again at the next start.
 pub async fn deliver(service: Arc<Service>) {
-    while !service.shutdown.is_cancelled() {
+    let mut under_way = JoinSet::new();
+    let mut busy = BTreeSet::new();
+    loop {
         let due = service
             .store
-            .due_deliveries(Timestamp::now())
+            .due_deliveries(Timestamp::now(), &busy, MAX_UNDER_WAY - busy.len())
             .await
             .unwrap_or_else(|error| {
                 tracing::error!(%error, "cannot read what is to be delivered");
                 Vec::new()
             });
-        if due.is_empty() {
-            tokio::select! {
-                () = service.shutdown.cancelled() => return,
-                _ = tokio::time::timeout(IDLE, service.deliver.notified()) => {}
-            }
-        }
         for delivery in due {
-            let allows_private = service.config.private_webhooks;
-            let sent = delivery.clone();
-            let result = tokio::task::spawn_blocking(move || send(&sent, allows_private)).await;
-            let result = result.unwrap_or_else(|error| Err(error.to_string()));
-            if let Err(error) = &result {
-                tracing::warn!(delivery = delivery.id, error, "a webhook did not take its delivery");
-            }
-            let noted = service
-                .store
-                .note_delivery(&delivery, result.err().as_deref(), Timestamp::now())
-                .await;
-            if let Err(error) = noted {
-                tracing::error!(%error, "cannot note a delivery");
-                return;
-            }
+            busy.insert(delivery.webhook_id);
+            under_way.spawn(attempt(Arc::clone(&service), delivery));
+        }
+        tokio::select! {
+            () = service.shutdown.cancelled() => break,
+            Some(done) = under_way.join_next() => match done {
+                Ok(webhook) => drop(busy.remove(&webhook)),
+                Err(error) => return tracing::error!(%error, "deliveries have ended"),
+            },
+            () = service.deliver.notified() => {}
+            () = tokio::time::sleep(IDLE) => {}
         }
     }
+    let _ = tokio::time::timeout(LAST, under_way.join_all()).await;
+}
+
+/// Makes an attempt and notes how it ended; gives the webhook.
+async fn attempt(service: Arc<Service>, delivery: Delivery) -> i64 {
+    let allows_private = service.config.private_webhooks;
+    let (sender, result) = oneshot::channel();
+    let sent = delivery.clone();
+    // A thread of its own: those of the runtime would be waited for at the end.
+    let thread = std::thread::Builder::new().name("webhook".to_owned());
+    let started = thread.spawn(move || sender.send(send(&sent, allows_private)));
+    let result = match started {
+        Ok(_) => result.await.unwrap_or_else(|_| Err("the attempt broke off".to_owned())),
+        Err(error) => Err(error.to_string()),
+    };
+    if let Err(error) = &result {
+        tracing::warn!(delivery = delivery.id, error, "a webhook did not take its delivery");
+    }
+    let noted = service
+        .store
+        .note_delivery(&delivery, result.err().as_deref(), Timestamp::now())
+        .await;
+    if let Err(error) = noted {
+        tracing::error!(%error, "cannot note a delivery");
+        // It is due still, and would be sent again at once.
+        tokio::time::sleep(IDLE).await;
+    }
+    delivery.webhook_id
 }
 
 #[cfg(test)]

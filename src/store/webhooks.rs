@@ -4,7 +4,7 @@ use super::{Store, StoreError, Timestamp};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sqlx::{Connection as _, FromRow};
-use std::time::Duration;
+use std::{collections::BTreeSet, time::Duration};
 
 /// An address that hears of verdicts.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema, FromRow)]
@@ -24,6 +24,8 @@ pub struct Webhook {
 pub struct Delivery {
     /// Number; the same at every attempt.
     pub id: i64,
+    /// Whom to.
+    pub webhook_id: i64,
     /// Attempts so far.
     pub attempts: i64,
     /// Name of the event.
@@ -128,13 +130,24 @@ impl Store {
         Ok(done.rows_affected())
     }
 
-    /// The deliveries whose time has come, oldest first.
-    pub async fn due_deliveries(&self, now: Timestamp) -> Result<Vec<Delivery>, StoreError> {
+    /// The oldest delivery whose time has come of each webhook but these.
+    pub async fn due_deliveries(
+        &self,
+        now: Timestamp,
+        but: &BTreeSet<i64>,
+        limit: usize,
+    ) -> Result<Vec<Delivery>, StoreError> {
         let found = sqlx::query_as(
-            "SELECT deliveries.id, attempts, event, payload, url, secret
-             FROM deliveries JOIN webhooks ON webhooks.id = webhook_id WHERE next_at <= ? ORDER BY next_at LIMIT 16",
+            "SELECT id, webhook_id, attempts, event, payload, url, secret
+             FROM (SELECT deliveries.*, url, secret,
+                          row_number() OVER (PARTITION BY webhook_id ORDER BY next_at, deliveries.id) AS place
+                   FROM deliveries JOIN webhooks ON webhooks.id = webhook_id
+                   WHERE next_at <= ?1 AND webhook_id NOT IN (SELECT value FROM json_each(?2)))
+             WHERE place = 1 ORDER BY next_at, id LIMIT ?3",
         )
         .bind(now)
+        .bind(serde_json::to_string(but)?)
+        .bind(limit as i64)
         .fetch_all(&self.readers)
         .await?;
         Ok(found)
