@@ -27,4 +27,5 @@ pub mod stress;
 pub mod taa;
 pub mod verdict;
 pub mod web;
+mod words;
 pub mod worker;

@@ -9,7 +9,8 @@ use super::{
 };
 use crate::{
     metrics::{Metric, Picture, Reference, Track},
-    sequence::{Channels, Sequence},
+    sequence::{Channels, Output, Sequence},
+    taa::reference::{color::Color, display::linear},
 };
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc, time::Instant};
 
@@ -86,6 +87,8 @@ struct Scorer<'a> {
     age: usize,
     frames: Vec<FrameReport>,
     offset: Option<String>,
+    /// Some image was not linear.
+    has_codes: bool,
 }
 
 impl<'a> Scorer<'a> {
@@ -103,6 +106,7 @@ impl<'a> Scorer<'a> {
             age: 0,
             frames: Vec::new(),
             offset: None,
+            has_codes: false,
         }
     }
 
@@ -110,13 +114,21 @@ impl<'a> Scorer<'a> {
         let mut frame = self.sequence.load(index, self.channels)?;
         let missing = || RunError::Input(format!("frame {index} has no reference"));
         let truth = frame.reference.take().ok_or_else(missing)?;
-        let output = Arc::new(self.sequence.load_output(index, &self.comparison.images[index])?);
+        let display = self.sequence.display();
+        let output = Arc::new(
+            match self.sequence.load_output(index, &self.comparison.images[index])? {
+                Output::Linear(image) => image,
+                Output::Shown(image) => {
+                    self.has_codes = true;
+                    image.map(|pixel| linear(Color(pixel), &display).0)
+                }
+            },
+        );
         if observer.wants_output() {
             let kept = observer.output(0, index, &output);
             kept.map_err(|error| RunError::Internal(error.to_string()))?;
         }
         self.age = if frame.reset { 0 } else { self.age + 1 };
-        let display = self.sequence.display();
         let (truth, shown) = (Picture::linear(truth, display), Picture::linear(output, display));
         let motion_px = frame.take_output_motion_px().map(Arc::new);
         let reference = match &self.reference {
@@ -148,7 +160,14 @@ impl<'a> Scorer<'a> {
         for late in self.track.finish() {
             frames[late.frame].metrics.insert(late.id.to_owned(), late.value);
         }
-        let notes = self.offset.into_iter().chain(note_of_broken(&frames)).collect();
+        let codes = "8- or 16-bit images beside a linear reference were taken for what a display is sent: sRGB, tone mapping and exposure were undone";
+        let codes = self.has_codes.then(|| codes.to_owned());
+        let notes = self
+            .offset
+            .into_iter()
+            .chain(note_of_broken(&frames))
+            .chain(codes)
+            .collect();
         (frames, notes)
     }
 }

@@ -13,6 +13,14 @@ use crate::image::{
 use glam::DVec2;
 use std::{borrow::Cow, collections::BTreeMap, path::Path};
 
+/// An image of another system's output.
+pub enum Output {
+    /// Linear RGB.
+    Linear(Image<Rgb>),
+    /// What a display is sent, 0 to 1.
+    Shown(Image<Rgb>),
+}
+
 /// Every frame's sample offset.
 pub(super) fn jitters_px(manifest: &Manifest) -> Vec<[f64; 2]> {
     manifest
@@ -97,24 +105,27 @@ impl Sequence {
         })
     }
 
-    /// An image of another system's output, linear RGB. A float file is linear already; the codes of an integer file are
-    /// decoded as the reference's are, or as sRGB where the sequence does not say how.
-    pub fn load_output(&self, index: usize, path: &Path) -> Result<Image<Rgb>, SequenceError> {
+    /// An image of another system's output. A float file is linear already; the codes of an integer file are decoded as the
+    /// reference's are. Beside a linear reference they are what a display is sent, and left so.
+    pub fn load_output(&self, index: usize, path: &Path) -> Result<Output, SequenceError> {
         let failed = |problem| SequenceError::Output { frame: index, problem };
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let file = self.reader.read_rgb(path).map_err(|error| failed(error.into()))?;
         self.check_size(Section::Reference, &name, file.image.extent())
             .map_err(failed)?;
         if !matches!(file.sample, SampleType::U8 | SampleType::U16) {
-            return Ok(file.image);
+            return Ok(Output::Linear(file.image));
         }
         let reference = self.manifest.reference.as_ref().map(|reference| reference.color());
+        let Some(source) = reference.filter(|source| source.transfer != Transfer::Linear) else {
+            return Ok(Output::Shown(file.image));
+        };
         let decoder = ColorDecoder {
-            transfer: reference.as_ref().map_or(Transfer::Srgb, |source| source.transfer),
-            nits_per_unit: reference.as_ref().map_or(100.0, |source| source.nits_per_unit),
+            transfer: source.transfer,
+            nits_per_unit: source.nits_per_unit,
             exposure: 1.0,
         };
-        Ok(file.image.map(|pixel| decoder.decode(pixel)))
+        Ok(Output::Linear(file.image.map(|pixel| decoder.decode(pixel))))
     }
 
     fn read(&self, entry: &FrameEntry, images: &[ImageSource]) -> Result<Decoded, SequenceError> {

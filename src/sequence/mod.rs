@@ -13,6 +13,7 @@ pub mod manifest;
 mod several;
 
 pub use frame::{Channels, Frame, Sizes};
+pub use loader::Output;
 pub use manifest::{Manifest, ManifestError, Section};
 pub use several::{Merging, Others, Several, repaired_opacity};
 

@@ -141,7 +141,7 @@ impl Access {
             return Ok(());
         };
         entry.bucket.take(rate, now).map_err(|wait| {
-            let detail = format!("this token may send {rate} requests a minute");
+            let detail = format!("this token may send {rate} requests a minute, and those of ten seconds at once");
             ApiError::new(StatusCode::TOO_MANY_REQUESTS, "rate_limited", detail).retry_after(wait)
         })
     }

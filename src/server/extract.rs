@@ -1,6 +1,7 @@
 //! Extractors whose refusals are [`ApiError`]s, so that a client meets one form of error whatever it did wrong.
 
 use super::{ApiError, error::named_field};
+use crate::words::expected_in_words;
 use axum::{
     body::Bytes,
     extract::{FromRequest, FromRequestParts, OriginalUri, Path, Query, Request, rejection::BytesRejection},
@@ -63,14 +64,24 @@ fn json_error(error: serde_path_to_error::Error<serde_json::Error>) -> ApiError 
     if !inner.is_data() {
         return ApiError::new(StatusCode::BAD_REQUEST, "bad_json", inner.to_string());
     }
-    let code = match inner.to_string() {
+    let message = expected_in_words(&inner.to_string(), "an object");
+    let code = match &message {
         text if text.starts_with("unknown field") => "unknown_field",
         text if text.starts_with("missing field") => "missing_field",
         _ => "invalid_field",
     };
-    let invalid = ApiError::invalid(code, inner.to_string());
-    // At the top level the path is ".": a missing field is then named by the message alone.
-    if path == "." { invalid } else { invalid.field(path) }
+    // Of a field that is missing or comes twice, the path leads to where it should be.
+    let is_within = ["missing field", "duplicate field"]
+        .iter()
+        .any(|start| message.starts_with(start));
+    let name = message.split('`').nth(1).filter(|_| is_within).map(str::to_owned);
+    let parent = Some(path).filter(|path| path != ".");
+    let field: Vec<String> = parent.into_iter().chain(name).collect();
+    let invalid = ApiError::invalid(code, message);
+    match field.is_empty() {
+        true => invalid,
+        false => invalid.field(field.join(".")),
+    }
 }
 
 /// Query parameters.

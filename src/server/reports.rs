@@ -149,6 +149,9 @@ pub async fn rows(
     }
 }
 
+/// Columns of a table of frames beside metrics and passes.
+pub const FRAME_COLUMNS: [&str; 5] = ["frame", "reset", "warmup", "repaired_texels", "non_finite_pixels"];
+
 /// A row a frame: metrics by their ids, times as `<pass>_ms`.
 fn frame_table(frames: &[FrameReport]) -> Table {
     let metrics: BTreeSet<&String> = frames.iter().flat_map(|frame| frame.metrics.keys()).collect();

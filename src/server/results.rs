@@ -7,11 +7,13 @@ use super::{
     idempotency::Keyed,
     judging::{self, Judgement},
     origin::{AdapterRequest, EnvironmentRequest, check_name, invalid, is_name, is_plain, settings, with_origin},
+    reports::FRAME_COLUMNS,
 };
 use crate::{
+    hex::hex,
     metrics::{Summary, Value},
     run::report::FrameReport,
-    store::{MetricSummary, NewReport, Subject, System, SystemKind, condense, known_version},
+    store::{GPU_TIME, MetricSummary, NewReport, Subject, System, SystemKind, condense, known_version},
     verdict::Rules,
 };
 use axum::{
@@ -23,7 +25,8 @@ use axum::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Map;
-use std::collections::BTreeMap;
+use sha2::{Digest as _, Sha256};
+use std::collections::{BTreeMap, BTreeSet};
 
 const MAX_FRAMES: usize = 100_000;
 const MAX_FRAME_INDEX: usize = 10_000_000;
@@ -154,12 +157,41 @@ fn frames(requests: Vec<FrameRequest>) -> Result<Vec<FrameReport>, ApiError> {
             ..FrameReport::empty(request.index)
         });
     }
+    stay_columns(&frames)?;
     let mut indices: Vec<usize> = frames.iter().map(|frame| frame.index).collect();
     indices.sort_unstable();
     if let Some(pair) = indices.windows(2).find(|pair| pair[0] == pair[1]) {
         return Err(invalid("frames", format!("frame {} is there twice", pair[0])));
     }
     Ok(frames)
+}
+
+/// Refuses metrics that tables would have a second column of.
+fn stay_columns(frames: &[FrameReport]) -> Result<(), ApiError> {
+    let metrics: BTreeSet<&str> = frames
+        .iter()
+        .flat_map(|frame| frame.metrics.keys())
+        .map(String::as_str)
+        .collect();
+    let passes: BTreeSet<&str> = frames
+        .iter()
+        .flat_map(|frame| frame.times_ms.keys())
+        .map(String::as_str)
+        .collect();
+    let is_taken = |metric: &&str| {
+        FRAME_COLUMNS.contains(metric)
+            || metric.strip_suffix("_ms").is_some_and(|pass| passes.contains(pass))
+            || *metric == GPU_TIME && !passes.is_empty()
+    };
+    match metrics.into_iter().find(is_taken) {
+        None => Ok(()),
+        Some(metric) => Err(invalid(
+            "frames",
+            format!(
+                "`{metric}` is no metric here: frames and their `times_ms` have it already; leave it out or rename it"
+            ),
+        )),
+    }
 }
 
 /// What a name or a hash stands for: the stored sequence, else the bare name.
@@ -492,10 +524,11 @@ fn stay_distinct<'a>(names: impl Iterator<Item = &'a String>) -> Result<(), ApiE
     Ok(())
 }
 
-/// Benchmarks are named by paths and types; what is no letter or digit becomes a dash.
+/// Benchmarks are named by paths and types; what is no letter or digit becomes a dash. Of a long one, its hash keeps it apart.
 fn plain(name: &str) -> String {
-    name.chars()
-        .map(|c| if is_plain(c) { c } else { '-' })
-        .take(100)
-        .collect()
+    let plain: String = name.chars().map(|c| if is_plain(c) { c } else { '-' }).collect();
+    match plain.len() {
+        0..=100 => plain,
+        _ => format!("{}-{}", &plain[..83], &hex(&Sha256::digest(name))[..16]),
+    }
 }

@@ -1,7 +1,8 @@
 //! The rules file, `afterimage.toml`. It lies in the user's repository and is sent with each run, so that rules have the
 //! history of the code they judge; a rule that is gone has no alerts.
 
-use crate::metrics::Better;
+use super::better;
+use crate::{metrics::Better, words::expected_in_words};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, de};
 
@@ -209,7 +210,8 @@ pub struct Checks {
 impl Rules {
     /// Reads a rules file.
     pub fn parse(text: &str) -> Result<Self, RulesError> {
-        let rules: Self = toml::from_str(text).map_err(|error| RulesError::Form(error.to_string()))?;
+        let rules: Self = toml::from_str(text)
+            .map_err(|error: toml::de::Error| RulesError::Form(expected_in_words(&error.to_string(), "a table")))?;
         rules.validate()?;
         Ok(rules)
     }
@@ -271,6 +273,14 @@ impl Rule {
         }
         if self.min.is_none() && self.max.is_none() && self.baseline.is_none() && self.change.is_none() {
             return Err(("metric", "the rule asks for nothing; give min, max, baseline or change"));
+        }
+        if let (Some(better), Some(known)) = (self.better, better(&self.metric))
+            && better != known
+        {
+            return Err((
+                "better",
+                "which way this metric improves is known, and it is the other; leave `better` out",
+            ));
         }
         let Some(change) = &self.change else { return Ok(()) };
         if !(2..=100).contains(&change.min_segment) {

@@ -6,7 +6,7 @@
 
 mod checkerboard;
 pub mod color;
-mod display;
+pub mod display;
 mod fxaa;
 mod hull;
 mod merge;
