@@ -19,7 +19,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 import uuid
-from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Literal, Optional, TypedDict, Union, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, List, Literal, Optional, TypedDict, Union, overload
 
 if sys.version_info >= (3, 11):
     from typing import NotRequired
@@ -1351,18 +1351,20 @@ class Summary(TypedDict):
 class ThresholdList(TypedDict):
     """Rules of every branch."""
 
-    #: One a branch.
+    #: By project and branch, one a rules file.
     thresholds: List["Thresholds"]
 
 class Thresholds(TypedDict):
-    """Rules of a branch."""
+    """Rules of lines of a branch."""
 
     #: Branch; empty for none.
     branch: str
     #: Project.
     project: str
-    #: The rules that its last run was sent with.
+    #: The rules that their last run was sent with.
     rules: "Rules"
+    #: The lines.
+    series: List[int]
 
 class TimeSummary(TypedDict):
     """Repeated measurements of one pass."""
@@ -1666,6 +1668,31 @@ class Problem(Exception):
         self.body = body
 
 
+class _Connection(http.client.HTTPConnection):
+    """Reads the answer that comes before all was sent: what is refused is not waited for."""
+
+    def request(
+        self, method: str, url: str, body: Any = None, headers: Any = {}, *, encode_chunked: bool = False
+    ) -> None:
+        try:
+            super().request(method, url, body, headers, encode_chunked=encode_chunked)
+        except (BrokenPipeError, ConnectionResetError):
+            # Where there is no answer either, reading it fails.
+            pass
+
+
+class _SecureConnection(_Connection, http.client.HTTPSConnection):
+    """The same over TLS."""
+
+
+class _Handler(urllib.request.HTTPHandler, urllib.request.HTTPSHandler):
+    def http_open(self, request: urllib.request.Request) -> http.client.HTTPResponse:
+        return self.do_open(_Connection, request)
+
+    def https_open(self, request: urllib.request.Request) -> http.client.HTTPResponse:
+        return self.do_open(_SecureConnection, request)
+
+
 class Client:
     """The service at `url`."""
 
@@ -1674,6 +1701,7 @@ class Client:
         self.token = token
         self.timeout = timeout
         self.attempts = attempts
+        self._opener = urllib.request.build_opener(_Handler())
 
     def _request(self, method: str, path: str, query: Dict[str, Any], headers: Dict[str, Any], body: Any) -> Any:
         pairs = [(name, str(value).lower() if isinstance(value, bool) else value) for name, value in query.items() if value is not None]
@@ -1686,6 +1714,8 @@ class Client:
         if body is not None and not isinstance(body, (bytes, bytearray)) and not hasattr(body, "read"):
             data = json.dumps(body, allow_nan=False).encode()
             sent["Content-Type"] = "application/json"
+        elif body is not None:
+            sent.setdefault("Content-Type", "application/octet-stream")
         if method == "POST":
             sent.setdefault("Idempotency-Key", uuid.uuid4().hex)
         return self._send(urllib.request.Request(url, data=data, headers=sent, method=method))
@@ -1700,7 +1730,7 @@ class Client:
             if attempt > 1 and file:
                 file.seek(start)
             try:
-                with urllib.request.urlopen(request, timeout=self.timeout) as answer:
+                with self._opener.open(request, timeout=self.timeout) as answer:
                     content = answer.read()
                     if request.method == "HEAD":
                         offset = answer.headers.get("Upload-Offset")
@@ -1875,7 +1905,7 @@ class Client:
         answer: Optional[int] = self._request('HEAD', f"/blobs/{urllib.parse.quote(str(sha256), safe='')}", {}, {}, None)
         return answer
 
-    def put_blob(self, sha256: str, body: bytes, *, content_range: Optional[str] = None) -> Union["Blob", None]:
+    def put_blob(self, sha256: str, body: Union[bytes, BinaryIO], *, content_range: Optional[str] = None) -> Union["Blob", None]:
         """Send a file, or the rest of it
 
         sha256: SHA-256 of the content in hexadecimal.
@@ -2114,7 +2144,7 @@ class Client:
         answer: "Checked" = self._request('GET', f"/sequences/{urllib.parse.quote(str(sequence), safe='')}", {}, {}, None)
         return answer
 
-    def put_sequence(self, sequence: str, body: bytes) -> "Sequence":
+    def put_sequence(self, sequence: str, body: Union[bytes, BinaryIO]) -> "Sequence":
         """Send a sequence as tar, tar.gz or zip
 
         sequence: Content hash, or the name it was last put under.

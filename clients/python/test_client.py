@@ -37,6 +37,11 @@ class ClientTest(unittest.TestCase):
             self.client.create_report({"sequence": "a", "system": "b", "frames": [{"index": 0, "metrics": {"a b": 1}}]})
         self.assertEqual(caught.exception.field, "frames[0].metrics")
 
+    def test_refused_before_it_is_read(self) -> None:
+        with self.assertRaises(Problem) as caught:
+            self.client.put_sequence("no name", bytes(16 << 20))
+        self.assertEqual(caught.exception.status, 422)
+
     def test_race_with_one_key(self) -> None:
         body: ReportRequest = {"sequence": "race", "system": "engine", "values": {"psnr": 1.0}, "commit": "from-python"}
         ids: List[int] = []

@@ -13,32 +13,45 @@ use crate::{
 use axum::{Json, extract::State, http::StatusCode};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
-/// Rules of a branch.
+/// Rules of lines of a branch.
 #[derive(Serialize, JsonSchema)]
 pub struct Thresholds {
     /// Project.
     project: String,
     /// Branch; empty for none.
     branch: String,
-    /// The rules that its last run was sent with.
-    rules: Rules,
+    /// The lines.
+    series: Vec<i64>,
+    /// The rules that their last run was sent with.
+    rules: Arc<Rules>,
 }
 
 /// Rules of every branch.
 #[derive(Serialize, JsonSchema)]
 pub struct ThresholdList {
-    /// One a branch.
+    /// By project and branch, one a rules file.
     thresholds: Vec<Thresholds>,
 }
 
 /// `GET /thresholds`
 pub async fn thresholds(State(service): Shared) -> Result<Json<ThresholdList>, ApiError> {
-    let sets = service.store.rule_sets().await?;
-    let thresholds = sets
-        .into_iter()
-        .map(|(project, branch, rules)| Thresholds { project, branch, rules })
-        .collect();
+    let mut thresholds: Vec<Thresholds> = Vec::new();
+    for line in service.store.line_rules(None, None).await? {
+        let same = thresholds.iter_mut().find(|known| {
+            known.project == line.project && known.branch == line.branch && Arc::ptr_eq(&known.rules, &line.rules)
+        });
+        match same {
+            Some(known) => known.series.push(line.series_id),
+            None => thresholds.push(Thresholds {
+                project: line.project,
+                branch: line.branch,
+                series: vec![line.series_id],
+                rules: line.rules,
+            }),
+        }
+    }
     Ok(Json(ThresholdList { thresholds }))
 }
 
@@ -82,6 +95,12 @@ pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<AlertQuery>)
         && !service.store.projects().await?.contains(project)
     {
         return Err(ApiError::invalid("unknown_project", format!("there is no project `{project}`")).field("project"));
+    }
+    if let Some(branch) = &query.branch
+        && !service.store.is_branch(query.project.as_deref(), branch).await?
+    {
+        let detail = format!("no report is of a branch `{branch}`");
+        return Err(ApiError::invalid("unknown_branch", detail).field("branch"));
     }
     let filter = AlertFilter {
         project: query.project,

@@ -4,7 +4,7 @@
 use super::{ApiError, Service, Shared, blocking, extract::ApiJson};
 use crate::{
     statistics::median,
-    store::{GPU_TIME, Point, Report, Timestamp, TrendFilter},
+    store::{GPU_TIME, Judged, Point, Report, Timestamp, TrendFilter},
     verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, overall, worst_frames},
 };
 use axum::{Json, extract::State};
@@ -81,21 +81,20 @@ struct Findings {
     checks: Vec<Check>,
     /// Lines and metrics whose branch has gone on to other commits.
     superseded: BTreeSet<(i64, String)>,
-    /// The reports of those commits.
-    tips: BTreeSet<i64>,
+    /// The reports of those commits, by line.
+    tips: BTreeMap<i64, BTreeSet<i64>>,
 }
 
 /// Judges reports that are stored, and notes what follows.
 pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<Judgement, ApiError> {
     let store = &service.store;
-    let reports = load(service, ids).await?;
+    let reports = load(service, ids.iter().copied().collect()).await?;
     let (project, branch) = place(&reports)?;
     let found = held_against(service, &reports, &branch, &rules).await?;
     let now = Timestamp::now();
-    // What was before says nothing of how a branch stands now.
-    if is_current(service, &by_series(&reports), &branch).await? {
-        store.put_rules(&project, &branch, &rules, now).await?;
-    }
+    let lines = by_series(&reports);
+    let current = current(service, &lines, &branch, &found.checks).await?;
+    store.put_rules(&project, &branch, &current, &rules, now).await?;
     let is_superseded = |check: &Check| {
         let key = check.series_id.map(|id| (id, check.metric.clone()));
         key.is_some_and(|key| found.superseded.contains(&key))
@@ -106,16 +105,17 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
         .filter(|check| !is_superseded(check))
         .cloned()
         .collect();
-    // But the past may say where a fault of now began: it is looked at again, by the branch's own rules.
-    if !found.tips.is_empty()
-        && let Some(rules) = store.rules(&project, &branch).await?
-    {
-        let tips: Vec<i64> = found.tips.iter().copied().collect();
-        let again = held_against(service, &load(service, &tips).await?, &branch, &rules).await?;
+    // What was before says nothing of how a branch stands now, but may say where a fault of now began: the newest results are
+    // judged again, by their own rules.
+    for (series, tips) in found.tips {
+        let Some(rules) = store.rules(series, &branch).await? else {
+            continue;
+        };
+        let again = held_against(service, &load(service, tips).await?, &branch, &rules).await?;
         current.extend(again.checks.into_iter().filter(is_superseded));
     }
     let alerts = store.note_checks(&project, &branch, &current, now).await?;
-    let series: Vec<i64> = by_series(&reports).into_keys().collect();
+    let series: Vec<i64> = lines.into_keys().collect();
     store.note_heard(&branch, &series, now).await?;
     let judgement = Judgement {
         outcome: overall(&found.checks),
@@ -148,8 +148,11 @@ async fn held_against(
     }
     let is_superseded = |one: &&Gathered| !branch.is_empty() && one.is_superseded();
     let superseded = gathered.iter().filter(is_superseded);
-    let tips = superseded.clone().filter_map(|one| one.history.last());
-    let tips = tips.flat_map(|tip| tip.report_ids.iter().copied()).collect();
+    let mut tips: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
+    for one in superseded.clone() {
+        let newest = one.history.last().into_iter().flat_map(|newest| &newest.report_ids);
+        tips.entry(one.newest().series.id).or_default().extend(newest);
+    }
     let superseded = superseded.map(Gathered::key).collect();
     let judged = rules.clone();
     let mut checks = blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>()).await?;
@@ -166,13 +169,13 @@ async fn held_against(
     })
 }
 
-async fn load(service: &Service, ids: &[i64]) -> Result<Vec<Arc<Report>>, ApiError> {
+async fn load(service: &Service, ids: BTreeSet<i64>) -> Result<Vec<Arc<Report>>, ApiError> {
     let mut reports = Vec::with_capacity(ids.len());
-    for id in ids.iter().collect::<BTreeSet<_>>() {
+    for id in ids {
         let unknown = |detail: String| ApiError::invalid("unknown_report", detail).field("reports");
         let report = service
             .store
-            .report(*id)
+            .report(id)
             .await?
             .ok_or_else(|| unknown(format!("there is no report {id}")))?;
         if !report.complete {
@@ -215,13 +218,15 @@ fn ends_with(history: &[Past], reports: &[Arc<Report>]) -> bool {
     newest.is_none_or(|newest| reports.iter().any(|report| is_of(newest, report)))
 }
 
-/// Whether any of the reports is of its line's newest commit on the branch, or of no branch.
-async fn is_current(
+/// The lines whose reports are of the newest commit on the branch, or of no branch, and what could not be told of them.
+async fn current(
     service: &Service,
-    by_series: &BTreeMap<i64, Vec<Arc<Report>>>,
+    lines: &BTreeMap<i64, Vec<Arc<Report>>>,
     branch: &str,
-) -> Result<bool, ApiError> {
-    for reports in by_series.values() {
+    checks: &[Check],
+) -> Result<Vec<Judged>, ApiError> {
+    let mut current = Vec::new();
+    for (&series_id, reports) in lines {
         let newest = &reports[reports.len() - 1];
         // Some report is in the history of each of their metrics.
         let history = match measured(reports).first() {
@@ -229,10 +234,16 @@ async fn is_current(
             _ => Vec::new(),
         };
         if ends_with(&history, reports) {
-            return Ok(true);
+            let unknown = checks
+                .iter()
+                .filter(|check| check.series_id == Some(series_id) && check.outcome == Outcome::Unknown);
+            let unknown = unknown
+                .map(|check| (check.metric.clone(), check.detail.clone()))
+                .collect();
+            current.push(Judged { series_id, unknown });
         }
     }
-    Ok(false)
+    Ok(current)
 }
 
 /// A line's results on a branch and its past, oldest first.

@@ -178,7 +178,7 @@ async fn checks(
     metric: &str,
     branch: Option<&str>,
 ) -> Result<Option<Checks>, ApiError> {
-    let found = service.store.rules(&series.project, branch.unwrap_or_default()).await?;
+    let found = service.store.rules(series.id, branch.unwrap_or_default()).await?;
     Ok(found
         .map(|rules| rules.checks(&series.sequence_name, &series.preset, metric))
         .filter(|checks| *checks != Checks::default()))

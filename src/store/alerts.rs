@@ -1,11 +1,17 @@
 //! Alerts: faults that were found, until they are made good, approved or dismissed.
 
-use super::{Series, SeriesFilter, Store, StoreError, Timestamp, reading::json};
-use crate::verdict::{Check, Finding, Kind, Outcome, Rules, matches};
+use super::{LineRules, Series, SeriesFilter, Store, StoreError, Timestamp, reading::json};
+use crate::verdict::{Check, Finding, Kind, Outcome, matches};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sqlx::{Connection as _, Row, sqlite::SqliteRow};
-use std::time::Duration;
+use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
+use std::{
+    collections::{BTreeMap, HashMap},
+    time::Duration,
+};
+
+/// Results of fewer days on a branch that left another are a change under work, which ends, not a nightly.
+const MIN_DAYS: i64 = 5;
 
 /// Where an alert stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, sqlx::Type)]
@@ -84,7 +90,8 @@ pub struct AlertFilter {
     pub limit: u32,
 }
 
-fn kind(id: &str) -> Kind {
+/// As the store writes it.
+pub(super) fn kind(id: &str) -> Kind {
     match id {
         "limit" => Kind::Limit,
         "baseline" => Kind::Baseline,
@@ -248,73 +255,111 @@ impl Store {
         Ok(())
     }
 
-    /// Opens an alert for every line that had reports on a branch with rules and has been silent for the nights that they
-    /// allow, and resolves those that speak again. Gives the new alerts' numbers.
+    /// Opens an alert for every line with rules that has been silent for the nights that they allow, and resolves those that
+    /// speak again. Gives the new alerts' numbers.
     pub async fn note_silence(&self, now: Timestamp) -> Result<Vec<i64>, StoreError> {
         let mut new = Vec::new();
-        for (project, branch, rules) in self.rule_sets().await? {
-            let Some(nights) = rules.no_data_nights else { continue };
-            let checks = self.silence(&project, &branch, &rules, nights, now).await?;
+        for ((project, branch), checks) in self.silence(now).await? {
             new.extend(self.note_checks(&project, &branch, &checks, now).await?);
         }
         Ok(new)
     }
 
-    async fn silence(
-        &self,
-        project: &str,
-        branch: &str,
-        rules: &Rules,
-        nights: u32,
-        now: Timestamp,
-    ) -> Result<Vec<Check>, StoreError> {
-        let lines: Vec<(i64, i64, Option<String>, Timestamp)> = sqlx::query_as(
-            "SELECT series_id, max(reports.id), git_commit, reports.created_at
-             FROM reports JOIN branches ON branches.id = branch_id JOIN projects ON projects.id = branches.project_id
-             WHERE projects.name = ? AND branches.name = ? AND complete GROUP BY series_id",
+    /// Checks of silence, by project and branch.
+    async fn silence(&self, now: Timestamp) -> Result<BTreeMap<(String, String), Vec<Check>>, StoreError> {
+        let last: Vec<LastReport> = sqlx::query_as(
+            "SELECT line_rules.series_id, line_rules.branch, max(reports.id) AS report_id, git_commit, reports.created_at,
+                    pull_request, branches.parent_id IS NOT NULL AS departed,
+                    count(DISTINCT reports.created_at / 86400000) AS n_days
+             FROM line_rules JOIN series ON series.id = line_rules.series_id
+             JOIN branches ON branches.project_id = series.project_id AND branches.name = line_rules.branch
+             JOIN reports ON reports.series_id = series.id AND branch_id = branches.id AND complete
+             GROUP BY line_rules.series_id, line_rules.branch",
         )
-        .bind(project)
-        .bind(branch)
         .fetch_all(&self.readers)
         .await?;
-        let mut checks = Vec::new();
-        for (series_id, report_id, commit, last_at) in lines {
+        let rules = self.line_rules(None, None).await?;
+        let mut by_line: HashMap<_, _> = last
+            .into_iter()
+            .map(|last| ((last.series_id, last.branch.clone()), last))
+            .collect();
+        let mut lines = Vec::new();
+        for rules in rules.into_iter().filter(|line| line.rules.no_data_nights.is_some()) {
             let filter = SeriesFilter {
-                id: Some(series_id),
+                id: Some(rules.series_id),
                 ..SeriesFilter::default()
             };
-            let Some(series) = self.series(&filter).await?.pop() else {
-                continue;
-            };
-            let is_ruled = rules
-                .rules
-                .iter()
-                .any(|rule| matches(&rule.sequence, &series.sequence_name) && matches(&rule.recipe, &series.preset));
+            let last = by_line.remove(&(rules.series_id, rules.branch.clone()));
+            let series = self.series(&filter).await?.pop();
+            lines.extend(last.zip(series).map(|(last, series)| (rules, last, series)));
+        }
+        // A sequence that was dumped anew, a setting that was tried once, a new driver: lines end while the nightly goes on.
+        let nightly = |rules: &LineRules, series: &Series| {
+            let adapter = series.environment.adapter.name.clone();
+            let line = (series.sequence_name.clone(), series.preset.clone(), adapter);
+            (rules.project.clone(), rules.branch.clone(), line)
+        };
+        let mut newest = HashMap::new();
+        for (rules, last, series) in &lines {
+            let heard = newest.entry(nightly(rules, series)).or_insert(last.report_id);
+            *heard = last.report_id.max(*heard);
+        }
+        let mut checks: BTreeMap<_, Vec<Check>> = BTreeMap::new();
+        for (rules, last, series) in lines {
+            let is_ruled =
+                rules.rules.rules.iter().any(|rule| {
+                    matches(&rule.sequence, &series.sequence_name) && matches(&rule.recipe, &series.preset)
+                });
             if !is_ruled {
                 continue;
             }
+            let is_newest = newest.get(&nightly(&rules, &series)) == Some(&last.report_id);
+            let is_awaited = is_newest && last.is_awaited();
             // Half a night of grace: a nightly that starts late is not silent.
+            let nights = rules.rules.no_data_nights.unwrap_or_default();
             let allowed = Duration::from_secs(u64::from(nights) * 86_400 + 43_200);
-            let is_silent = now.since(last_at) > allowed;
-            checks.push(Check {
-                series_id: Some(series_id),
+            let silence = now.since(last.created_at);
+            let is_silent = is_awaited && silence > allowed;
+            checks.entry((rules.project, rules.branch)).or_default().push(Check {
+                series_id: Some(last.series_id),
                 sequence: series.sequence_name,
                 recipe: series.preset,
                 metric: String::new(),
                 kind: Kind::NoData,
                 outcome: if is_silent { Outcome::Regression } else { Outcome::Ok },
                 detail: format!(
-                    "no report for {} nights; the last one came {last_at}",
-                    now.since(last_at).as_secs() / 86_400
+                    "no report for {} nights; the last one came {}",
+                    silence.as_secs() / 86_400,
+                    last.created_at
                 ),
                 finding: Finding {
-                    last_good_report: Some(report_id),
-                    last_good_commit: commit,
+                    last_good_report: Some(last.report_id),
+                    last_good_commit: last.git_commit,
                     ..Finding::default()
                 },
             });
         }
         Ok(checks)
+    }
+}
+
+/// The last report of a line on a branch.
+#[derive(FromRow)]
+struct LastReport {
+    series_id: i64,
+    branch: String,
+    report_id: i64,
+    git_commit: Option<String>,
+    created_at: Timestamp,
+    pull_request: Option<String>,
+    departed: bool,
+    n_days: i64,
+}
+
+impl LastReport {
+    /// Whether another should follow: pull requests and branches that left another end, unless those went on for long.
+    fn is_awaited(&self) -> bool {
+        self.pull_request.is_none() && (!self.departed || self.n_days >= MIN_DAYS)
     }
 }
 

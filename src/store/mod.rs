@@ -48,7 +48,7 @@ pub use stress::StressRun;
 pub use time::Timestamp;
 pub use tokens::{NewToken, Scope, Token, random_secret, token_hash};
 pub use trend::{BranchPath, Point, TrendFilter, TrendPoint, downsample};
-pub use verdicts::{Decision, Verdict};
+pub use verdicts::{Decision, Judged, LineRules, Verdict};
 pub use webhooks::{Delivery, DeliveryStatus, Webhook};
 pub use writer::State;
 

@@ -39,4 +39,17 @@ impl Store {
         .await?;
         Ok(found)
     }
+
+    /// Whether a project, or any, has a branch of this name; the empty one, that of reports of none, is everywhere.
+    pub async fn is_branch(&self, project: Option<&str>, name: &str) -> Result<bool, StoreError> {
+        let found = sqlx::query_scalar(
+            "SELECT ?2 = '' OR EXISTS (SELECT 1 FROM branches JOIN projects ON projects.id = project_id
+                                       WHERE branches.name = ?2 AND (?1 IS NULL OR projects.name = ?1))",
+        )
+        .bind(project)
+        .bind(name)
+        .fetch_one(&self.readers)
+        .await?;
+        Ok(found)
+    }
 }

@@ -1,10 +1,14 @@
 //! Rules as they were last sent, and what people approved.
 
-use super::{AlertFilter, AlertStatus, Store, StoreError, Timestamp};
+use super::{AlertStatus, Store, StoreError, Timestamp, alerts};
 use crate::verdict::{Approved, ChangeState, Kind, KnownChange, Rules};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sqlx::{Connection as _, FromRow};
+use sqlx::{Connection as _, FromRow, SqliteConnection};
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    sync::Arc,
+};
 
 /// What someone said of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, sqlx::Type)]
@@ -39,73 +43,137 @@ pub struct Decision {
 /// An approved report, its branch and commit, its value and the metric's version.
 type ApprovedRow = (i64, Option<String>, Option<String>, Option<f64>, Option<i64>);
 
+/// A line that was judged.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// The line.
+    pub series_id: i64,
+    /// What could not be told: why, by metric.
+    pub unknown: BTreeMap<String, String>,
+}
+
+/// The rules of a line on a branch.
+#[derive(Clone, Debug)]
+pub struct LineRules {
+    /// Project.
+    pub project: String,
+    /// The line.
+    pub series_id: i64,
+    /// Branch; empty for none.
+    pub branch: String,
+    /// What its last run was sent with.
+    pub rules: Arc<Rules>,
+    /// What its last verdict could not tell: why, by metric.
+    pub unknown: BTreeMap<String, String>,
+}
+
 impl Store {
-    /// Keeps the rules that a branch's run was sent with, and closes the alerts of checks that they no longer ask for.
+    /// Keeps the rules that lines of a branch were run with, in place of those that they had, whichever lines those were of:
+    /// a file that changed is the same file. Closes the alerts of checks that are no longer asked for.
     pub async fn put_rules(
         &self,
         project: &str,
         branch: &str,
+        lines: &[Judged],
         rules: &Rules,
         now: Timestamp,
     ) -> Result<(), StoreError> {
-        sqlx::query(
-            "INSERT INTO rule_sets (project_id, branch, rules, updated_at)
-             VALUES ((SELECT id FROM projects WHERE name = ?), ?, ?, ?)
-             ON CONFLICT (project_id, branch) DO UPDATE SET rules = excluded.rules, updated_at = excluded.updated_at",
+        let mut writing = self.writer.acquire().await?;
+        let mut transaction = writing.begin().await?;
+        let set: i64 = sqlx::query_scalar(
+            "INSERT INTO rule_sets (rules) VALUES (?) ON CONFLICT (rules) DO UPDATE SET rules = rules RETURNING id",
         )
-        .bind(project)
-        .bind(branch)
         .bind(serde_json::to_string(rules)?)
-        .bind(now)
-        .execute(&mut *self.writer.acquire().await?)
+        .fetch_one(&mut *transaction)
         .await?;
-        let filter = AlertFilter {
-            project: Some(project.to_owned()),
-            status: Some(AlertStatus::Open),
-            branch: Some(branch.to_owned()),
-            limit: 10_000,
-            ..AlertFilter::default()
-        };
-        for alert in self.alerts(&filter).await? {
-            let asked = rules.checks(&alert.series.sequence_name, &alert.series.preset, &alert.metric);
-            let is_asked = match alert.kind {
-                Kind::Limit => asked.min.is_some() || asked.max.is_some(),
-                Kind::Baseline => asked.baseline.is_some(),
-                Kind::Change => asked.change.is_some(),
-                Kind::NoData => rules.no_data_nights.is_some(),
-            };
-            if !is_asked {
-                self.close_alert(alert.id, AlertStatus::Resolved, "its rule was removed", None, now)
-                    .await?;
-            }
+        let series_ids: Vec<i64> = lines.iter().map(|line| line.series_id).collect();
+        let replaced = sqlx::query(
+            "UPDATE line_rules SET rule_set_id = ?1
+             WHERE branch = ?2 AND rule_set_id IN (
+                   SELECT rule_set_id FROM line_rules
+                   WHERE branch = ?2 AND rule_set_id <> ?1 AND series_id IN (SELECT value FROM json_each(?3)))
+               AND series_id IN (SELECT series.id FROM series JOIN projects ON projects.id = project_id WHERE name = ?4)",
+        )
+        .bind(set)
+        .bind(branch)
+        .bind(serde_json::to_string(&series_ids)?)
+        .bind(project)
+        .execute(&mut *transaction)
+        .await?;
+        for line in lines {
+            sqlx::query(
+                "INSERT INTO line_rules (series_id, branch, rule_set_id, unknown) VALUES (?, ?, ?, ?)
+                 ON CONFLICT (series_id, branch) DO UPDATE SET rule_set_id = excluded.rule_set_id, unknown = excluded.unknown",
+            )
+            .bind(line.series_id)
+            .bind(branch)
+            .bind(set)
+            .bind(serde_json::to_string(&line.unknown)?)
+            .execute(&mut *transaction)
+            .await?;
         }
+        let unasked = match replaced.rows_affected() {
+            0 => Vec::new(),
+            _ => unasked(&mut transaction, branch, set, rules).await?,
+        };
+        for alert in unasked {
+            sqlx::query(
+                "UPDATE alerts SET status = 'resolved', closed_why = 'its rule was removed', closed_at = ? WHERE id = ?",
+            )
+            .bind(now)
+            .bind(alert)
+            .execute(&mut *transaction)
+            .await?;
+        }
+        if replaced.rows_affected() > 0 {
+            sqlx::query("DELETE FROM rule_sets WHERE id NOT IN (SELECT rule_set_id FROM line_rules)")
+                .execute(&mut *transaction)
+                .await?;
+        }
+        transaction.commit().await?;
         Ok(())
     }
 
-    /// The rules that a branch's run was last sent with.
-    pub async fn rules(&self, project: &str, branch: &str) -> Result<Option<Rules>, StoreError> {
-        let rules: Option<String> = sqlx::query_scalar(
-            "SELECT rules FROM rule_sets JOIN projects ON projects.id = project_id
-             WHERE projects.name = ? AND branch = ?",
+    /// The rules of lines, of one or all: each with what its last verdict could not tell.
+    pub async fn line_rules(&self, series_id: Option<i64>, branch: Option<&str>) -> Result<Vec<LineRules>, StoreError> {
+        let rows: Vec<(String, i64, String, i64, String)> = sqlx::query_as(
+            "SELECT projects.name, series_id, branch, rule_set_id, unknown
+             FROM line_rules JOIN series ON series.id = series_id JOIN projects ON projects.id = project_id
+             WHERE (?1 IS NULL OR series_id = ?1) AND (?2 IS NULL OR branch = ?2) ORDER BY projects.name, branch, series_id",
         )
-        .bind(project)
+        .bind(series_id)
         .bind(branch)
-        .fetch_optional(&self.readers)
-        .await?;
-        Ok(rules.map(|rules| serde_json::from_str(&rules)).transpose()?)
-    }
-
-    /// Rules of every branch that has any: project, branch, rules.
-    pub async fn rule_sets(&self) -> Result<Vec<(String, String, Rules)>, StoreError> {
-        let rows: Vec<(String, String, String)> = sqlx::query_as(
-            "SELECT projects.name, branch, rules FROM rule_sets JOIN projects ON projects.id = project_id
-             ORDER BY projects.name, branch",
-        )
         .fetch_all(&self.readers)
         .await?;
-        rows.into_iter()
-            .map(|(project, branch, rules)| Ok((project, branch, serde_json::from_str(&rules)?)))
-            .collect()
+        let wanted: BTreeSet<i64> = rows.iter().map(|row| row.3).collect();
+        let sets: Vec<(i64, String)> =
+            sqlx::query_as("SELECT id, rules FROM rule_sets WHERE id IN (SELECT value FROM json_each(?))")
+                .bind(serde_json::to_string(&wanted)?)
+                .fetch_all(&self.readers)
+                .await?;
+        let sets: HashMap<i64, Arc<Rules>> = sets
+            .into_iter()
+            .map(|(id, rules)| Ok((id, Arc::new(serde_json::from_str(&rules)?))))
+            .collect::<Result<_, StoreError>>()?;
+        let mut lines = Vec::with_capacity(rows.len());
+        for (project, series_id, branch, set, unknown) in rows {
+            // Between the two statements a set may have been replaced.
+            let Some(rules) = sets.get(&set) else { continue };
+            lines.push(LineRules {
+                project,
+                series_id,
+                branch,
+                rules: Arc::clone(rules),
+                unknown: serde_json::from_str(&unknown)?,
+            });
+        }
+        Ok(lines)
+    }
+
+    /// The rules of one line on a branch.
+    pub async fn rules(&self, series_id: i64, branch: &str) -> Result<Option<Arc<Rules>>, StoreError> {
+        let found = self.line_rules(Some(series_id), Some(branch)).await?;
+        Ok(found.into_iter().next().map(|line| line.rules))
     }
 
     /// Notes what someone said of a report, and resolves the alerts of its branch that an approval answers.
@@ -251,4 +319,35 @@ impl Store {
         .await?;
         Ok(found.is_some())
     }
+}
+
+/// Open alerts of lines with these rules that the rules do not ask for.
+async fn unasked(
+    connection: &mut SqliteConnection,
+    branch: &str,
+    set: i64,
+    rules: &Rules,
+) -> Result<Vec<i64>, StoreError> {
+    let open: Vec<(i64, String, String, String, String)> = sqlx::query_as(
+        "SELECT alerts.id, coalesce(sequences.name, subjects.name), variants.preset, metric, alerts.kind
+         FROM alerts JOIN line_rules ON line_rules.series_id = alerts.series_id AND line_rules.branch = alerts.branch
+         JOIN series ON series.id = alerts.series_id
+         JOIN subjects ON subjects.id = subject_id LEFT JOIN sequences ON sequences.id = sequence_id
+         JOIN variants ON variants.id = variant_id
+         WHERE status = 'open' AND alerts.branch = ? AND rule_set_id = ?",
+    )
+    .bind(branch)
+    .bind(set)
+    .fetch_all(connection)
+    .await?;
+    let is_unasked = |(_, sequence, recipe, metric, kind): &(i64, String, String, String, String)| {
+        let asked = rules.checks(sequence, recipe, metric);
+        match alerts::kind(kind) {
+            Kind::Limit => asked.min.is_none() && asked.max.is_none(),
+            Kind::Baseline => asked.baseline.is_none(),
+            Kind::Change => asked.change.is_none(),
+            Kind::NoData => rules.no_data_nights.is_none(),
+        }
+    };
+    Ok(open.into_iter().filter(is_unasked).map(|alert| alert.0).collect())
 }

@@ -346,7 +346,7 @@ impl Writer<'_> {
         .await?;
         let is_settled = match &origin.from {
             None => true,
-            Some(from) => self.depart(project_id, id, from).await?,
+            Some(from) => self.depart(project_id, id, from, origin.parent.as_deref()).await?,
         };
         if is_settled {
             self.memory.branches.insert(key, id);
@@ -355,7 +355,25 @@ impl Writer<'_> {
     }
 
     /// Notes where a branch left another, unless that is known; whether it is known now.
-    async fn depart(&mut self, project_id: i64, id: i64, from: &Departure) -> Result<bool, StoreError> {
+    async fn depart(
+        &mut self,
+        project_id: i64,
+        id: i64,
+        from: &Departure,
+        parent: Option<&str>,
+    ) -> Result<bool, StoreError> {
+        // Whose parent was measured on the other branch left it there.
+        let commit: Option<String> = sqlx::query_scalar(
+            "SELECT coalesce(?4, (SELECT ?3 WHERE EXISTS (
+                 SELECT 1 FROM reports JOIN branches ON branches.id = branch_id
+                 WHERE git_commit = ?3 AND project_id = ?1 AND name = ?2)))",
+        )
+        .bind(project_id)
+        .bind(&from.branch)
+        .bind(parent)
+        .bind(&from.commit)
+        .fetch_one(&mut *self.connection)
+        .await?;
         // They part where the commit was measured first, not where it was measured again; without one that is known here,
         // before this branch's own first report.
         sqlx::query(
@@ -372,7 +390,7 @@ impl Writer<'_> {
         .bind(project_id)
         .bind(id)
         .bind(&from.branch)
-        .bind(&from.commit)
+        .bind(&commit)
         .execute(&mut *self.connection)
         .await?;
         let is_known = sqlx::query_scalar("SELECT parent_id IS NOT NULL FROM branches WHERE id = ?")

@@ -350,7 +350,9 @@ impl Judge<'_> {
                 Approved { elsewhere: true, .. } => {
                     "environment differs: results are approved in other environments only"
                 }
-                Approved { values, .. } if values.is_empty() => "no result of this line is approved yet",
+                Approved { values, .. } if values.is_empty() => {
+                    "no result of this line, which is one of the same sequence, recipe, settings and metric version, is approved yet"
+                }
                 _ => "what is approved is not a number",
             });
         }

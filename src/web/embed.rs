@@ -72,6 +72,7 @@ pub async fn badge(service: Shared, RawQuery(query): RawQuery) -> Result<Respons
     let standings = super::standing::Standings::load(inner, &line.series.project, line.branch.as_deref()).await?;
     let color = match standings.of(&line.series, &metric, &line.points, latest.created_at) {
         super::standing::Standing::Regressed(_) => ("✗ ", "#b3261e"),
+        super::standing::Standing::Unknown(_) => ("? ", "#63676e"),
         super::standing::Standing::Holds => ("✓ ", "#17753b"),
         _ => ("", "#0b62a8"),
     };

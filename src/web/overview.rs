@@ -177,6 +177,7 @@ async fn measured(service: &Service, query: &Query, newest: &Report) -> Result<M
         .iter()
         .filter(|alert| alert.kind != Kind::NoData && here(alert.series.id))
         .collect();
+    let n_elsewhere = standings.alerts.iter().filter(|alert| !here(alert.series.id)).count();
     let silent: Vec<_> = lines
         .iter()
         .filter_map(|line| match standing(line) {
@@ -191,6 +192,10 @@ async fn measured(service: &Service, query: &Query, newest: &Report) -> Result<M
         (form(&view))
         h2 { "Worse than before" }
         @if worse.is_empty() { p.calm { "✓ No open alert here." } } @else { (regressions(&worse)) }
+        @if n_elsewhere > 0 {
+            p { a href=(href("/alerts", [("project", Some(view.project.clone())), ("branch", view.branch.clone())])) {
+                (n_elsewhere) " open " @if n_elsewhere == 1 { "alert" } @else { "alerts" } " of other lines and environments" } }
+        }
         @if !silent.is_empty() {
             h2 { "Stopped reporting" }
             (silence(&silent, &view))

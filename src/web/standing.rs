@@ -4,10 +4,11 @@ use super::{format, parts, query::href};
 use crate::{
     metrics::Value,
     server::Service,
-    store::{Alert, AlertFilter, AlertStatus, Point, Series, StoreError, Timestamp},
-    verdict::{Checks, Kind, Rules},
+    store::{Alert, AlertFilter, AlertStatus, LineRules, Point, Series, StoreError, Timestamp},
+    verdict::{Checks, Kind},
 };
 use maud::{Markup, html};
+use std::collections::HashMap;
 
 const MAX_ALERTS: u32 = 500;
 /// Lines with fewer results have no rhythm that could be missed.
@@ -23,6 +24,8 @@ pub enum Standing<'a> {
     Elsewhere(&'a Alert),
     /// No result came for longer than usual.
     Silent(Timestamp),
+    /// Its last verdict could not be told, and why.
+    Unknown(&'a str),
     /// Rules ask something of it and no alert is open.
     Holds,
     /// No rule asks anything of it.
@@ -33,7 +36,7 @@ pub enum Standing<'a> {
 pub struct Standings {
     /// Open alerts, newest first.
     pub alerts: Vec<Alert>,
-    rules: Vec<(String, String, Rules)>,
+    rules: HashMap<(i64, String), LineRules>,
     branch: Option<String>,
 }
 
@@ -47,9 +50,13 @@ impl Standings {
             limit: MAX_ALERTS,
             ..AlertFilter::default()
         };
+        let rules = service.store.line_rules(None, branch).await?;
         Ok(Self {
             alerts: service.store.alerts(&filter).await?,
-            rules: service.store.rule_sets().await?,
+            rules: rules
+                .into_iter()
+                .map(|line| ((line.series_id, line.branch.clone()), line))
+                .collect(),
             branch: branch.map(str::to_owned),
         })
     }
@@ -74,14 +81,14 @@ impl Standings {
             .as_deref()
             .or(points.last().and_then(|point| point.branch.as_deref()))
             .unwrap_or_default();
-        let rules = self
-            .rules
-            .iter()
-            .find(|(project, on, _)| *project == series.project && on == branch);
-        let asked = rules.map(|(.., rules)| rules.checks(&series.sequence_name, &series.preset, metric));
-        match asked.is_some_and(|checks| checks != Checks::default()) {
-            true => Standing::Holds,
-            false => Standing::NotJudged,
+        let Some(line) = self.rules.get(&(series.id, branch.to_owned())) else {
+            return Standing::NotJudged;
+        };
+        let asked = line.rules.checks(&series.sequence_name, &series.preset, metric);
+        match line.unknown.get(metric) {
+            Some(why) => Standing::Unknown(why),
+            None if asked == Checks::default() => Standing::NotJudged,
+            None => Standing::Holds,
         }
     }
 
@@ -117,6 +124,7 @@ impl Standing<'_> {
                 Self::Regressed(alert) => a.mark.bad href=(alert_href(alert)) title=(alert.detail) { "✗ " (kind(alert)) },
                 Self::Elsewhere(alert) => a.mark.bad href=(alert_href(alert)) title=(alert.detail) { "✗ " (alert.metric) },
                 Self::Silent(since) => span.mark.silent title={ "the last report came " (since) } { "… silent, " (format::age(*since, now)) },
+                Self::Unknown(why) => span.mark.muted title=(why) { "? not told" },
                 Self::Holds => span.mark.good title="its rules hold" { "✓ holds" },
                 Self::NotJudged => span.mark.muted title="no rule asks anything of it" { "no rule" },
             }
@@ -168,10 +176,11 @@ pub fn regressions(alerts: &[&Alert]) -> Markup {
     let now = Timestamp::now();
     html! {
         div.scroll { table #regressed {
-            thead { tr { th { "Metric" } th { "Sequence" } th { "Recipe" } th.number { "Change" } th { "Since" } th { "Before" } th { "Look" } th.number { "Found" } } }
+            thead { tr { th { "Metric" } th { "Branch" } th { "Sequence" } th { "Recipe" } th.number { "Change" } th { "Since" } th { "Before" } th { "Look" } th.number { "Found" } } }
             tbody { @for alert in alerts {
                 tr data-alert=(alert.id) {
                     td { b { (alert.metric) } " " span.mark.bad { "✗ " (kind(alert)) } }
+                    td { (if alert.branch.is_empty() { format::ABSENT } else { &alert.branch }) }
                     td { (parts::sequence(&alert.series)) }
                     td { (parts::recipe(&alert.series)) }
                     td.number { (effect(alert)) }

@@ -93,8 +93,13 @@ fn what_is_measured_again_stays_where_it_was() {
     let client = service.client();
     nights(&client, 0, 30);
     for commit in ["m10", "m11", "m12", "m13"] {
-        assert_eq!(post(&client, commit, json!(34.0), json!({})).1["outcome"], "regression");
+        assert_eq!(
+            post(&client, commit, json!(34.0), json!({})).1["outcome"],
+            "ok",
+            "it is good"
+        );
     }
+    assert_eq!(post(&client, "m25", json!(33.0), json!({})).1["outcome"], "regression");
     assert_eq!(listed(&client, "status=open")[0]["finding"]["first_bad_commit"], "m20");
 
     // Limits: an old commit that is bad opens nothing, and names what was before it.
@@ -207,6 +212,60 @@ fn a_branch_may_be_told_of_its_past_later() {
     assert_eq!(found.unwrap()["parent"], "main", "{branches}");
     let alert = &listed(&client, "status=open")[0];
     assert_eq!(alert["finding"]["first_bad_commit"], "t1");
+}
+
+#[test]
+fn a_branch_leaves_another_where_its_parent_was_measured() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    nights(&client, 0, 30);
+    // It left `main` before `m20` made it worse, and says so by its parent alone.
+    let origin = |parent: &str| json!({"branch": "work", "from": {"branch": "main"}, "parent": parent});
+    let (_, judgement) = post(&client, "w0", json!(34.02), origin("m15"));
+    assert_eq!(judgement["outcome"], "ok");
+    assert_eq!(
+        client.get("/reports/31").json()["from"],
+        json!({"branch": "main", "commit": "m15"})
+    );
+    // The parents of its later commits are its own.
+    post(&client, "w1", json!(34.02), origin("w0"));
+    assert_eq!(client.get("/reports/32").json()["from"]["commit"], "m15");
+}
+
+#[test]
+fn each_line_has_the_rules_that_it_was_run_with() {
+    let service = TestService::start(Idle, &[]);
+    let client = service.client();
+    let rules = |metric: &str, min: f64| json!({"rule": [{"metric": metric, "min": min}]});
+    let run = |sequence: &str, rules: &Value| {
+        let more = json!({"sequence": sequence, "values": {"psnr": 30, "ssim": 0.9}, "rules": rules});
+        post(&client, "c", json!(30), more).1
+    };
+    let n_open = || listed(&client, "status=open").len();
+    run("ship", &rules("psnr", 40.0));
+    run("pan", &rules("psnr", 40.0));
+    // Another pipeline of the branch, with a file of its own.
+    run("fan", &rules("ssim", 0.95));
+    assert_eq!(n_open(), 3);
+    let thresholds = client.get("/thresholds").json()["thresholds"].clone();
+    let lines: Vec<&Value> = thresholds
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| &one["series"])
+        .collect();
+    assert_eq!(lines, [&json!([1, 2]), &json!([3])]);
+    // A file that changed is the same file, for lines that were not run again, too.
+    run("ship", &rules("ssim", 0.8));
+    let open = listed(&client, "status=open");
+    assert_eq!(
+        (open.len(), &open[0]["series"]["sequence_name"]),
+        (1, &json!("fan")),
+        "{open:?}"
+    );
+    client
+        .get("/alerts?branch=mian")
+        .is_problem(422, "unknown_branch", Some("branch"), "mian");
 }
 
 #[test]

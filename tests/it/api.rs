@@ -317,11 +317,11 @@ fn every_mistake_has_its_code_and_names_its_field() {
         .is_problem(422, "invalid_field", Some("presets"), "1 to");
     client
         .post_job(&json!({"presets": ["ema"]}))
-        .is_problem(422, "missing_field", None, "sequence");
+        .is_problem(422, "missing_field", Some("sequence"), "missing");
     client.post_text("{").is_problem(400, "bad_json", None, "line 1");
     client
         .post_text("{} {}")
-        .is_problem(422, "missing_field", None, "sequence");
+        .is_problem(422, "missing_field", Some("sequence"), "missing");
     client
         .post_text(&" ".repeat(8000))
         .is_problem(413, "body_too_large", None, "--max-json-kib");

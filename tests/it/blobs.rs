@@ -242,6 +242,18 @@ fn images_rendered_elsewhere_are_compared_with_the_reference() {
         200
     );
 
+    // As a display is sent them, to half a code.
+    let png = |frame: usize| client.get(&format!("/reports/{}/frames/{frame}/output.png", report["id"]));
+    let shown: Vec<String> = (0..3).map(|frame| put(&client, &png(frame).body)).collect();
+    let id = client.start_job(&job(&shown));
+    let done = client.wait_for(id, &["done", "failed"]);
+    let codes = &done["reports"][0];
+    assert!(codes["values"]["psnr"].as_f64().unwrap() > 55.0, "{done}");
+    assert!(
+        codes["notes"][0].as_str().unwrap().contains("what a display is sent"),
+        "{done}"
+    );
+
     // The frames a step late are not the reference.
     let mut late = references.clone();
     late.rotate_right(1);

@@ -170,6 +170,21 @@ fn every_mistake_of_a_report_is_named() {
     post(json!({"frames": [{"index": 1}]})).is_problem(422, "invalid_field", Some("frames"), "no numbers");
     let twice = json!({"index": 1, "metrics": {"psnr": 1}});
     post(json!({"frames": [twice, twice]})).is_problem(422, "invalid_field", Some("frames"), "twice");
+    for (metrics, passes) in [
+        (json!({"frame": 1}), json!({})),
+        (json!({"taa_ms": 1}), json!({"taa": 1})),
+        (json!({"gpu_time_ms": 1}), json!({"taa": 1})),
+    ] {
+        let frame = json!({"index": 0, "metrics": metrics, "times_ms": passes});
+        post(json!({"frames": [frame]})).is_problem(422, "invalid_field", Some("frames"), "have it already");
+    }
+    post(json!({"frames": 1})).is_problem(422, "invalid_field", Some("frames"), "expected an array");
+    client.post("/reports", &json!({"sequence": "ship"})).is_problem(
+        422,
+        "missing_field",
+        Some("system"),
+        "missing field",
+    );
     let named_twice = |body: &str, path: &str, field: &str| {
         let json = [("content-type", "application/json")];
         client.send("POST", path, &json, body.as_bytes()).is_problem(
@@ -221,7 +236,7 @@ fn every_mistake_of_a_report_is_named() {
     );
     client
         .post("/reports", &json!({"sequence": "a"}))
-        .is_problem(422, "missing_field", None, "system");
+        .is_problem(422, "missing_field", Some("system"), "missing");
     client
         .post("/reports/1/frames", &json!({"frames": [{"index": 0}]}))
         .is_problem(404, "not_found", None, "report 1");
@@ -319,6 +334,23 @@ fn benchers_json_is_taken_as_it_is() {
     client
         .post("/reports/bencher", &json!({}))
         .is_problem(422, "invalid_field", None, "1 to 1000");
+    // What only the end of a long name tells apart is two lines.
+    let long = |end: &str| format!("{}{end}", "module::".repeat(20));
+    let posted = client.posted(
+        "/reports/bencher",
+        &json!({long("fast"): {"latency": {"value": 1}}, long("slow"): {"latency": {"value": 900}}}),
+    );
+    let lines: Vec<Value> = posted["ids"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|id| client.get(&format!("/reports/{id}")).json()["sequence_name"].clone())
+        .collect();
+    assert_ne!(lines[0], lines[1]);
+    assert!(
+        lines.iter().all(|name| name.as_str().unwrap().len() == 100),
+        "{lines:?}"
+    );
     let alike = json!({"a b": {"x": {"value": 1}}, "a/b": {"x": {"value": 2}}});
     client.post("/reports/bencher", &alike).is_problem(
         422,
@@ -382,7 +414,7 @@ fn a_request_with_a_key_is_done_once() {
             "another request",
         );
     // What was refused was not done, and may be corrected.
-    post(&json!({"sequence": "a"}), "k2").is_problem(422, "missing_field", None, "system");
+    post(&json!({"sequence": "a"}), "k2").is_problem(422, "missing_field", Some("system"), "missing");
     assert_eq!(post(&body, "k2").status, 201);
     let broken = [
         ("content-type", "application/json"),

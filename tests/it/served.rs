@@ -138,3 +138,25 @@ fn a_client_that_sends_nothing_more_does_not_keep_a_service_from_stopping() {
     }
     assert!(stop.elapsed() > Duration::from_secs(5), "nobody was waited for");
 }
+
+/// A pool must not give the next request to a connection that closes.
+#[test]
+fn a_connection_that_closes_is_said_to() {
+    let service = TestService::start(Idle, &["--require-tokens"]);
+    let answered = |head: &str| {
+        let mut stream = TcpStream::connect(service.address).unwrap();
+        // The body comes later, if ever.
+        write!(
+            stream,
+            "{head} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 10\r\n\r\n"
+        )
+        .unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer.to_lowercase()
+    };
+    for head in ["POST /api/v1/reports", "DELETE /healthz"] {
+        let answer = answered(head);
+        assert!(answer.contains("\r\nconnection: close\r\n"), "{head}: {answer}");
+    }
+}

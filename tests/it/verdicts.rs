@@ -340,6 +340,56 @@ fn repeats_are_judged_by_their_median() {
     client.get("/alerts/99").is_problem(404, "not_found", None, "alert 99");
 }
 
+/// Only what should go on can be missed.
+#[tokio::test]
+async fn what_was_to_end_is_not_silent() {
+    let rules = || json!({"no_data_nights": 2, "rule": [{"metric": "psnr", "min": 30}]});
+    let service = tokio::task::spawn_blocking(move || {
+        let service = TestService::start(Idle, &[]);
+        let client = service.client();
+        let post = |commit: &str, more: Value| {
+            let mut body = more;
+            body["rules"] = rules();
+            client.posted("/reports", &report(commit, 31.0, body));
+        };
+        post(
+            "old driver",
+            json!({"environment": {"adapter": {"name": "A", "driver_version": "1"}}}),
+        );
+        post(
+            "tried once",
+            json!({"parameters": {"alpha": 0.5}, "environment": {"adapter": {"name": "A"}}}),
+        );
+        post("other machine", json!({"environment": {"adapter": {"name": "B"}}}));
+        post(
+            "last",
+            json!({"environment": {"adapter": {"name": "A", "driver_version": "2"}}}),
+        );
+        post("proposed", json!({"branch": "pr", "pull_request": "17"}));
+        post("merged", json!({"branch": "work", "from": {"branch": "main"}}));
+        service
+    })
+    .await
+    .unwrap();
+    let store = Store::open(&service.data.path().join("afterimage.sqlite"))
+        .await
+        .unwrap();
+    let later = Timestamp::now() + Duration::from_secs(3 * 86_400);
+    store.note_silence(later).await.unwrap();
+    let filter = AlertFilter {
+        limit: 9,
+        ..AlertFilter::default()
+    };
+    let alerts = store.alerts(&filter).await.unwrap();
+    let silent: Vec<_> = alerts
+        .iter()
+        .map(|alert| alert.finding.last_good_commit.as_deref())
+        .collect();
+    assert_eq!(silent, [Some("last"), Some("other machine")]);
+    store.close().await;
+    tokio::task::spawn_blocking(move || drop(service)).await.unwrap();
+}
+
 #[tokio::test]
 async fn silence_is_an_alert_until_it_ends() {
     let rules = || json!({"no_data_nights": 2, "rule": [{"metric": "psnr", "min": 30}]});
@@ -511,6 +561,30 @@ fn webhooks_hear_of_verdicts_signed_and_again_if_they_were_deaf() {
     client
         .get("/webhooks/1/deliveries")
         .is_problem(404, "not_found", None, "webhook 1");
+}
+
+#[test]
+fn a_webhook_that_does_not_answer_holds_up_no_other() {
+    let service = TestService::start(Idle, &["--private-webhooks"]);
+    let client = service.client();
+    let listeners = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
+    for listener in &listeners {
+        let url = format!("http://{}/hook", listener.local_addr().unwrap());
+        assert_eq!(client.post("/webhooks", &json!({"url": url})).status, 201);
+    }
+    let rules = json!({"rule": [{"metric": "psnr", "min": 30}]});
+    judged(&client, "one", 20.0, &rules);
+    judged(&client, "two", 20.0, &rules);
+    let commits = [(); 2].map(|()| take(&listeners[1], "200 OK").1).map(|body| {
+        let body: Value = serde_json::from_str(&body).unwrap();
+        body["commit"].clone()
+    });
+    assert_eq!(commits, ["one", "two"]);
+    let deliveries = client.get("/webhooks/1/deliveries").json();
+    assert_eq!(
+        deliveries["deliveries"][1]["attempts"], 0,
+        "the first is still under way"
+    );
 }
 
 #[test]

@@ -409,6 +409,22 @@ fn pictures_can_be_embedded() {
         &plain(&service, "/badge.svg?metric=psnr&sequence=ship"),
         &["<svg", "31.25 dB", "ship · ours psnr"],
     );
+    let rules = json!({"rule": [{"metric": "psnr", "baseline": 0.1}]});
+    client.posted("/verdicts", &json!({"reports": [2], "rules": rules}));
+    // Nothing is approved, so that nothing could be told.
+    has(
+        &plain(&service, "/badge.svg?metric=psnr&sequence=ship"),
+        &["? 31.25 dB"],
+    );
+    client.posted(
+        "/reports/2/decisions",
+        &json!({"decision": "approved", "why": "seen", "who": "me"}),
+    );
+    client.posted("/verdicts", &json!({"reports": [2], "rules": rules}));
+    has(
+        &plain(&service, "/badge.svg?metric=psnr&sequence=ship"),
+        &["✓ 31.25 dB"],
+    );
     has(
         &plain(&service, "/badge.svg?metric=psnr&sequence=nowhere"),
         &["no data"],

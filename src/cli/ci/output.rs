@@ -217,20 +217,18 @@ fn pictures(results: &Results, bad: &[&Check]) -> String {
     let mut text = String::new();
     let mut shown = std::collections::BTreeSet::new();
     for check in bad {
-        let found = report(results, check).and_then(|report| Some((report, report.report?)));
-        let (Some(server), Some((report, id)), Some(frame)) =
-            (&results.server, found, check.finding.worst_frames.first())
-        else {
+        let found = report(results, check).and_then(|report| report.report);
+        let (Some(server), Some(id), Some(frame)) = (&results.server, found, check.finding.worst_frames.first()) else {
             continue;
         };
         if !shown.insert((id, frame)) || shown.len() > 8 {
             continue;
         }
         let base = format!("{server}/api/v1/reports/{id}/frames/{frame}");
-        let page = report.page.clone().unwrap_or_default();
+        let page = format!("{server}/reports/{id}/frames/{frame}");
         let _ = writeln!(
             text,
-            "{}, {}, frame {frame}:\n\n[![output]({base}/output.png)]({page}&frame={frame}#images) [![error]({base}/error.png)]({page}&frame={frame}#images)\n",
+            "{}, {}, frame {frame}:\n\n[![output]({base}/output.png)]({page}) [![error]({base}/error.png)]({page})\n",
             cell(&check.sequence),
             cell(&check.recipe)
         );

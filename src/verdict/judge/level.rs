@@ -48,8 +48,17 @@ impl<'a> View<'a> {
     /// Changes of level in a part.
     fn changes(&self, part: Range<usize>) -> Vec<ChangePoint> {
         let mut found = change::change_points(&self.values[part.clone()], self.rule);
-        for point in &mut found {
+        let mut end = part.end;
+        for point in found.iter_mut().rev() {
             point.index += part.start;
+            let begin = point.index;
+            if begin + self.rule.min_segment == end {
+                // No cut may be nearer to the end: of the shortest level the first results may belong to the one before.
+                let distance = |index: usize, level: f64| (self.values[index] - level).abs();
+                let is_before = |&index: &usize| distance(index, point.before) < distance(index, point.after);
+                point.index += (begin..end - 1).take_while(is_before).count();
+            }
+            end = begin;
         }
         found
     }
@@ -102,6 +111,9 @@ impl Judge<'_> {
         let all = self.comparable();
         let unknown = |detail: String| self.check(Kind::Change, Outcome::Unknown, detail, Finding::default());
         let needed = 2 * rule.min_segment;
+        if self.line.history.is_empty() {
+            return unknown("a change is seen in a history, which a service keeps; there is none".to_owned());
+        }
         if all.len() < needed {
             return unknown(format!(
                 "{} results are too few to see a change; {needed} are needed",
@@ -142,7 +154,7 @@ impl Judge<'_> {
             let start = newest.min(index.saturating_sub(rule.window));
             let view = View::new(&all[start..], better, rule);
             if let Some(level) = view.still(index - start) {
-                return self.changed(&view, &level, Outcome::Regression);
+                return self.regressed(&view, &level);
             }
         }
         // While an alert was open, another change may have left the window behind it.
@@ -203,11 +215,29 @@ impl Judge<'_> {
             now: changes.last().map_or(found.index, |point| point.index)..n,
             p: Some(found.p),
         };
-        let outcome = match oldest {
-            Some(_) => Outcome::Regression,
-            None => Outcome::Ok,
-        };
-        self.changed(view, &level, outcome)
+        match oldest {
+            Some(_) => self.regressed(view, &level),
+            None => self.changed(view, &level, Outcome::Ok),
+        }
+    }
+
+    /// A change for the worse, unless this result is of a commit before it.
+    fn regressed(&self, view: &View, level: &Level) -> Check {
+        let first_bad = &view.results[level.index];
+        let place = |id| self.place_of(id);
+        let this = self.line.report_id.and_then(place);
+        if this
+            .zip(place(first_bad.report_id()))
+            .is_some_and(|(this, first_bad)| this < first_bad)
+        {
+            let at = match &first_bad.commit {
+                Some(commit) => format!("commit {commit}"),
+                None => format!("report {}", first_bad.report_id()),
+            };
+            let detail = format!("no change up to here; a later one for the worse is at {at}");
+            return self.check(Kind::Change, Outcome::Ok, detail, Finding::default());
+        }
+        self.changed(view, level, Outcome::Regression)
     }
 
     /// A change in words and numbers. What is not finite is so in both.

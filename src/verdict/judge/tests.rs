@@ -294,6 +294,48 @@ fn noisy(random: &mut Random, level: f64, noise: f64, n: usize) -> Vec<f64> {
 }
 
 #[test]
+fn the_first_night_of_a_change_names_its_commit() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let mut random = Random::new(9);
+    let values = [noisy(&mut random, 1.0, 0.01, 12), noisy(&mut random, 1.2, 0.01, 6)].concat();
+    let named: Vec<_> = nights(rules, &values, 13, &Approved::default())
+        .into_iter()
+        .filter_map(|(_, commit)| commit)
+        .collect();
+    // With three bad results, a level of four has to have a good one.
+    assert_eq!(named, vec!["c12"; 4]);
+}
+
+#[test]
+fn a_change_is_no_regression_of_a_commit_before_it() {
+    let past = history(&[[1.0; 10], [1.2; 10]].concat());
+    let approved = Approved::default();
+    let judge = |place: usize| {
+        let line = Line {
+            series_id: 1,
+            sequence: "ship",
+            recipe: "ema",
+            metric: "gpu_time_ms",
+            values: &[past[place].value],
+            version: 1,
+            report_id: Some(past[place].report_id()),
+            history: &past,
+            approved: &approved,
+        };
+        let rules = Rules::parse("[[rule]]\nmetric = 'gpu_time_ms'\nchange = {}").unwrap();
+        rules.judge(&line).remove(0)
+    };
+    let good = judge(9);
+    assert_eq!(good.outcome, Outcome::Ok);
+    assert!(
+        good.detail.contains("later one for the worse is at commit c10"),
+        "{}",
+        good.detail
+    );
+    assert_eq!(judge(10).outcome, Outcome::Regression);
+}
+
+#[test]
 fn a_change_for_the_worse_outlasts_the_window() {
     let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4, window = 40, min_effect = '2 %' }";
     let mut random = Random::new(5);

@@ -1,0 +1,25 @@
+-- A line is judged by the rules that its last run on a branch was sent with: two pipelines of a branch may have a file each.
+
+ALTER TABLE rule_sets RENAME TO branch_rules;
+CREATE TABLE rule_sets (
+    id    INTEGER PRIMARY KEY,
+    rules TEXT    NOT NULL UNIQUE CHECK (json_valid(rules))
+) STRICT;
+INSERT INTO rule_sets (rules) SELECT DISTINCT rules FROM branch_rules;
+
+CREATE TABLE line_rules (
+    series_id   INTEGER NOT NULL REFERENCES series (id),
+    -- Empty for none, as in alerts.
+    branch      TEXT    NOT NULL,
+    rule_set_id INTEGER NOT NULL REFERENCES rule_sets (id),
+    -- What could not be told at the last verdict, in JSON: why, by metric.
+    unknown     TEXT    NOT NULL DEFAULT '{}' CHECK (json_valid(unknown)),
+    PRIMARY KEY (series_id, branch)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX line_rules_by_set ON line_rules (rule_set_id);
+INSERT INTO line_rules (series_id, branch, rule_set_id)
+    SELECT DISTINCT series.id, branch_rules.branch, rule_sets.id
+    FROM branch_rules JOIN rule_sets USING (rules) JOIN series USING (project_id)
+    WHERE EXISTS (SELECT 1 FROM reports LEFT JOIN branches ON branches.id = branch_id
+                  WHERE reports.series_id = series.id AND ifnull(branches.name, '') = branch_rules.branch AND complete);
+DROP TABLE branch_rules;
