@@ -81,6 +81,7 @@ fn show(alerts: &[Value], url: &str) -> String {
     let header = [
         "alert",
         "status",
+        "branch",
         "sequence",
         "recipe",
         "metric",
@@ -88,13 +89,14 @@ fn show(alerts: &[Value], url: &str) -> String {
         "last good",
         "what",
     ];
-    let mut table = table::new(header.map(str::to_owned).to_vec(), 8);
+    let mut table = table::new(header.map(str::to_owned).to_vec(), 9);
     for alert in alerts {
-        let text = |value: &Value| value.as_str().unwrap_or("–").chars().take(60).collect::<String>();
+        let text = |value: &Value| value.as_str().unwrap_or("–").chars().take(120).collect::<String>();
         let commit = |value: &Value| value.as_str().unwrap_or("–").chars().take(10).collect::<String>();
         table.add_row(vec![
             alert["id"].to_string(),
             text(&alert["status"]),
+            text(&alert["branch"]),
             text(&alert["series"]["sequence_name"]),
             text(&alert["series"]["preset"]),
             text(&alert["metric"]),

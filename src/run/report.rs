@@ -49,6 +49,17 @@ pub(super) fn note_of_broken(frames: &[FrameReport]) -> Option<String> {
         .then(|| format!("{n_broken} of {of} frames have pixels that are not finite: their metrics are no numbers"))
 }
 
+pub(super) fn note_of_repaired(frames: &[FrameReport]) -> Option<String> {
+    let repaired = || frames.iter().filter(|frame| frame.repaired_texels > 0);
+    let first = repaired().next()?.index;
+    let n_texels: u64 = repaired().map(|frame| frame.repaired_texels).sum();
+    Some(format!(
+        "{n_texels} input texels were repaired, which were not finite, negative or beyond f16, in {} of {} frames; frame {first} is the first",
+        repaired().count(),
+        frames.len()
+    ))
+}
+
 /// The sequence a report speaks of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SequenceInfo {

@@ -4,7 +4,7 @@
 use super::{
     Observer, RunError, Trace, Until,
     plan::Plan,
-    report::{FrameReport, PresetReport, Report, SequenceInfo, Skipped, TimeSummary, note_of_broken},
+    report::{FrameReport, PresetReport, Report, SequenceInfo, Skipped, TimeSummary, note_of_broken, note_of_repaired},
     times::{summary, timed},
 };
 use crate::{
@@ -391,6 +391,7 @@ impl<'a> Scorer<'a> {
                         .chain(&saved)
                         .chain(&ended)
                         .cloned()
+                        .chain(note_of_repaired(&frames))
                         .chain(note_of_broken(&frames))
                         .collect();
                     PresetReport {

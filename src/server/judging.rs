@@ -13,8 +13,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
+    hash::{BuildHasher as _, BuildHasherDefault, DefaultHasher},
     sync::Arc,
 };
+use tokio::sync::{Mutex, MutexGuard};
 
 /// More reports than any nightly has.
 const MAX_REPORTS: usize = 2000;
@@ -85,11 +87,29 @@ struct Findings {
     tips: BTreeMap<i64, BTreeSet<i64>>,
 }
 
+/// One verdict on a branch at a time: what an older one found must not be noted after what a newer one did.
+pub struct Turns(Vec<Mutex<()>>);
+
+impl Default for Turns {
+    fn default() -> Self {
+        Self((0..64).map(|_| Mutex::default()).collect())
+    }
+}
+
+impl Turns {
+    /// The branch's turn, until it is dropped. A few branches share one.
+    async fn of(&self, project: &str, branch: &str) -> MutexGuard<'_, ()> {
+        let hash = BuildHasherDefault::<DefaultHasher>::default().hash_one((project, branch));
+        self.0[hash as usize % self.0.len()].lock().await
+    }
+}
+
 /// Judges reports that are stored, and notes what follows.
 pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<Judgement, ApiError> {
     let store = &service.store;
     let reports = load(service, ids.iter().copied().collect()).await?;
     let (project, branch) = place(&reports)?;
+    let _turn = service.turns.of(&project, &branch).await;
     let found = held_against(service, &reports, &branch, &rules).await?;
     let now = Timestamp::now();
     let lines = by_series(&reports);

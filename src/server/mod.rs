@@ -150,6 +150,8 @@ pub struct Service {
     answers: Answers,
     /// Uploads of blobs.
     blob_writers: BlobWriters,
+    /// Verdicts on branches.
+    turns: judging::Turns,
     /// What Prometheus is told.
     counters: Counters,
 }
@@ -249,6 +251,7 @@ impl Running {
             in_progress: InProgress::default(),
             answers: Answers::default(),
             blob_writers: BlobWriters::default(),
+            turns: judging::Turns::default(),
             counters: Counters::new(),
         });
         let worker = Worker {

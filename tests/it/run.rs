@@ -180,6 +180,16 @@ fn the_report_says_what_a_reader_must_know() {
         "one frame has hostile texels: {repaired:?}"
     );
     assert!(repaired.contains(&0));
+    let said = static_.reports[1]
+        .notes
+        .iter()
+        .find(|note| note.contains("input texels were repaired"));
+    let n_texels: u64 = repaired.iter().sum();
+    assert!(
+        said.is_some_and(|said| said.starts_with(&format!("{n_texels} "))),
+        "{:?}",
+        static_.reports[1].notes
+    );
     assert!(static_.is_finite(), "repair keeps bad values out of every image");
 
     let pan = execute(&spec(&["none"]), &sequence("fixtures/pan"));
