@@ -17,9 +17,17 @@ CREATE TABLE line_rules (
     PRIMARY KEY (series_id, branch)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX line_rules_by_set ON line_rules (rule_set_id);
+CREATE INDEX line_rules_by_branch ON line_rules (branch);
 INSERT INTO line_rules (series_id, branch, rule_set_id)
-    SELECT DISTINCT series.id, branch_rules.branch, rule_sets.id
-    FROM branch_rules JOIN rule_sets USING (rules) JOIN series USING (project_id)
-    WHERE EXISTS (SELECT 1 FROM reports LEFT JOIN branches ON branches.id = branch_id
-                  WHERE reports.series_id = series.id AND ifnull(branches.name, '') = branch_rules.branch AND complete);
+    SELECT DISTINCT reports.series_id, branch_rules.branch, rule_sets.id
+    FROM reports LEFT JOIN branches ON branches.id = branch_id
+    JOIN series ON series.id = reports.series_id
+    JOIN branch_rules ON branch_rules.project_id = series.project_id AND branch_rules.branch = ifnull(branches.name, '')
+    JOIN rule_sets USING (rules)
+    WHERE complete;
 DROP TABLE branch_rules;
+
+-- What became of a line's changes is asked at each verdict.
+CREATE INDEX alerts_by_line ON alerts (series_id, metric, kind, branch);
+-- And when a line was last heard on a branch.
+CREATE INDEX reports_by_branch ON reports (series_id, branch_id, id) WHERE complete;

@@ -432,7 +432,7 @@ class CloseRequest(TypedDict):
 
     #: Version of metrics that are not known here.
     metric_versions: NotRequired[Dict[str, int]]
-    #: Judge the report by these, and keep them as the branch's.
+    #: Judge the report by these, and keep them as its line's on the branch.
     rules: NotRequired[Union["RulesInput", None]]
 
 class Decision(TypedDict):
@@ -739,7 +739,7 @@ JobWithReports = TypedDict('JobWithReports', {'answered_from_store': 'NotRequire
 class Judgement(TypedDict):
     """What the rules say."""
 
-    #: Numbers of the alerts that this opened.
+    #: Numbers of the alerts that this opened: of the newest results, where these are of a commit before.
     alerts: List[int]
     #: Every check.
     checks: List["Check2"]
@@ -1674,6 +1674,8 @@ class _Connection(http.client.HTTPConnection):
     def request(
         self, method: str, url: str, body: Any = None, headers: Any = {}, *, encode_chunked: bool = False
     ) -> None:
+        if self.sock is None:
+            self.connect()
         try:
             super().request(method, url, body, headers, encode_chunked=encode_chunked)
         except (BrokenPipeError, ConnectionResetError):

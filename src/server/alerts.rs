@@ -1,14 +1,15 @@
 //! Rules as they were last sent, alerts, and what people say: approve, reject, dismiss.
 
 use super::{
-    ApiError, ApiPath, ApiQuery, Caller, Shared,
+    ApiError, ApiPath, ApiQuery, Caller, Service, Shared,
     extract::ApiJson,
+    judging::places,
     origin::invalid,
     page::{self, Cursor},
 };
 use crate::{
-    store::{Alert, AlertFilter, AlertStatus, Decision, ReportFilter, Timestamp, Verdict},
-    verdict::Rules,
+    store::{Alert, AlertFilter, AlertStatus, Decision, Report, Timestamp, Verdict},
+    verdict::{Kind, Rules},
 };
 use axum::{Json, extract::State, http::StatusCode};
 use schemars::JsonSchema;
@@ -38,7 +39,7 @@ pub struct ThresholdList {
 /// `GET /thresholds`
 pub async fn thresholds(State(service): Shared) -> Result<Json<ThresholdList>, ApiError> {
     let mut thresholds: Vec<Thresholds> = Vec::new();
-    for line in service.store.line_rules(None, None).await? {
+    for line in service.store.line_rules(None).await? {
         let same = thresholds.iter_mut().find(|known| {
             known.project == line.project && known.branch == line.branch && Arc::ptr_eq(&known.rules, &line.rules)
         });
@@ -116,20 +117,13 @@ pub async fn list(State(service): Shared, ApiQuery(query): ApiQuery<AlertQuery>)
     Ok(Json(AlertPage { alerts, next_cursor }))
 }
 
-async fn first_report(service: &super::Service, commit: &str, project: Option<&str>) -> Result<i64, ApiError> {
-    let filter = ReportFilter {
-        commit: Some(commit.to_owned()),
-        project: project.map(str::to_owned),
-        limit: page::MAX_LIMIT,
-        ..ReportFilter::default()
-    };
-    let reports = service.store.reports(&filter).await?;
-    let oldest = reports.last().map(|report| report.id);
+async fn first_report(service: &Service, commit: &str, project: Option<&str>) -> Result<i64, ApiError> {
+    let oldest = service.store.first_report(commit, project).await?;
     oldest
         .ok_or_else(|| ApiError::invalid("unknown_commit", format!("no report is of commit `{commit}`")).field("since"))
 }
 
-async fn find(service: &super::Service, id: i64) -> Result<Alert, ApiError> {
+async fn find(service: &Service, id: i64) -> Result<Alert, ApiError> {
     let filter = AlertFilter {
         id: Some(id),
         limit: 1,
@@ -225,14 +219,48 @@ pub async fn decide(
         who: request.who,
     };
     let (who, why) = reason.check(caller)?;
+    let unknown = || ApiError::not_found(format!("there is no complete report {id}"));
+    let report = service.store.report(id).await?.ok_or_else(unknown)?;
+    let branch = report.provenance.branch.clone().unwrap_or_default();
+    let _turn = service.turns.of(&report.series.project, &branch).await;
+    let answered = match request.decision {
+        Verdict::Approved => answered(&service, &report, &branch).await?,
+        Verdict::Rejected => Vec::new(),
+    };
     let decided = service
         .store
-        .decide(id, request.decision, &who, &why, Timestamp::now())
+        .decide(id, request.decision, (&who, &why), &answered, Timestamp::now())
         .await?;
     match decided {
         Some(decision) => Ok((StatusCode::CREATED, Json(decision))),
-        None => Err(ApiError::not_found(format!("there is no complete report {id}"))),
+        None => Err(unknown()),
     }
+}
+
+/// The open alerts of faults that began with a report or before it.
+async fn answered(service: &Service, report: &Report, branch: &str) -> Result<Vec<i64>, ApiError> {
+    let filter = AlertFilter {
+        project: Some(report.series.project.clone()),
+        branch: Some(branch.to_owned()),
+        status: Some(AlertStatus::Open),
+        limit: 10_000,
+        ..AlertFilter::default()
+    };
+    let mut answered = Vec::new();
+    for alert in service.store.alerts(&filter).await? {
+        let is_meant = alert.series.id == report.series.id && matches!(alert.kind, Kind::Baseline | Kind::Change);
+        let Some(first_bad) = alert.report_id.filter(|_| is_meant) else {
+            continue;
+        };
+        let places = places(service, report, branch, &alert.metric, [first_bad, report.id]).await?;
+        let began_before = match places {
+            [Some(first_bad), Some(approved)] => first_bad <= approved,
+            // The one is older than what is looked at, or has nothing of the metric.
+            _ => first_bad <= report.id,
+        };
+        answered.extend(began_before.then_some(alert.id));
+    }
+    Ok(answered)
 }
 
 /// Query of `GET /baselines`.

@@ -1,11 +1,11 @@
-//! `POST /verdicts`: reports held against rules. Also what follows from it: the rules are kept as the branch's, alerts are
+//! `POST /verdicts`: reports held against rules. Also what follows from it: the rules are kept as their lines' on the branch, alerts are
 //! opened and resolved, webhooks are told.
 
 use super::{ApiError, Service, Shared, blocking, extract::ApiJson};
 use crate::{
     statistics::median,
     store::{GPU_TIME, Judged, Point, Report, Timestamp, TrendFilter},
-    verdict::{Check, Line, Outcome, Past, Rules, RulesError, better, overall, worst_frames},
+    verdict::{Check, Kind, Line, Outcome, Past, Rules, RulesError, better, overall, worst_frames},
 };
 use axum::{Json, extract::State};
 use schemars::JsonSchema;
@@ -41,7 +41,7 @@ pub struct Judgement {
     pub outcome: Outcome,
     /// Every check.
     pub checks: Vec<Check>,
-    /// Numbers of the alerts that this opened.
+    /// Numbers of the alerts that this opened: of the newest results, where these are of a commit before.
     pub alerts: Vec<i64>,
 }
 
@@ -78,15 +78,6 @@ struct Gathered {
     approved: crate::verdict::Approved,
 }
 
-/// What reports were found to be, held against rules.
-struct Findings {
-    checks: Vec<Check>,
-    /// Lines and metrics whose branch has gone on to other commits.
-    superseded: BTreeSet<(i64, String)>,
-    /// The reports of those commits, by line.
-    tips: BTreeMap<i64, BTreeSet<i64>>,
-}
-
 /// One verdict on a branch at a time: what an older one found must not be noted after what a newer one did.
 pub struct Turns(Vec<Mutex<()>>);
 
@@ -98,7 +89,7 @@ impl Default for Turns {
 
 impl Turns {
     /// The branch's turn, until it is dropped. A few branches share one.
-    async fn of(&self, project: &str, branch: &str) -> MutexGuard<'_, ()> {
+    pub(super) async fn of(&self, project: &str, branch: &str) -> MutexGuard<'_, ()> {
         let hash = BuildHasherDefault::<DefaultHasher>::default().hash_one((project, branch));
         self.0[hash as usize % self.0.len()].lock().await
     }
@@ -110,36 +101,42 @@ pub async fn judge(service: &Arc<Service>, ids: &[i64], rules: Rules) -> Result<
     let reports = load(service, ids.iter().copied().collect()).await?;
     let (project, branch) = place(&reports)?;
     let _turn = service.turns.of(&project, &branch).await;
-    let found = held_against(service, &reports, &branch, &rules).await?;
-    let now = Timestamp::now();
     let lines = by_series(&reports);
-    let current = current(service, &lines, &branch, &found.checks).await?;
-    store.put_rules(&project, &branch, &current, &rules, now).await?;
-    let is_superseded = |check: &Check| {
+    let mut gathered = Vec::new();
+    for reports in lines.values() {
+        gather(service, reports, &branch, &rules, &mut gathered).await?;
+    }
+    let (mut checks, gathered) = judged(gathered, rules.clone()).await?;
+    for reports in lines.values() {
+        let series = &reports[0].series;
+        let (sequence, recipe) = (&series.sequence_name, &series.preset);
+        checks.extend(rules.unmeasured(Some(series.id), sequence, recipe, &measured(reports)));
+    }
+    add_worst_frames(service, &reports, &mut checks).await?;
+    let now = Timestamp::now();
+    let superseded = gathered.iter().filter(|one| one.is_superseded());
+    let superseded: BTreeSet<_> = superseded.map(Gathered::key).collect();
+    let current = current(service, &lines, &branch, &superseded, &checks).await?;
+    store.put_rules(&branch, &current, &rules, now).await?;
+    let is_current = |check: &&Check| {
         let key = check.series_id.map(|id| (id, check.metric.clone()));
-        key.is_some_and(|key| found.superseded.contains(&key))
+        // Nobody says in which order results of no branch belong, but a change is none of what was before it.
+        branch.is_empty() && check.kind != Kind::Change || key.is_none_or(|key| !superseded.contains(&key))
     };
-    let mut current: Vec<Check> = found
-        .checks
-        .iter()
-        .filter(|check| !is_superseded(check))
-        .cloned()
-        .collect();
+    let mut noted: Vec<Check> = checks.iter().filter(is_current).cloned().collect();
     // What was before says nothing of how a branch stands now, but may say where a fault of now began: the newest results are
     // judged again, by their own rules.
-    for (series, tips) in found.tips {
-        let Some(rules) = store.rules(series, &branch).await? else {
-            continue;
-        };
-        let again = held_against(service, &load(service, tips).await?, &branch, &rules).await?;
-        current.extend(again.checks.into_iter().filter(is_superseded));
+    for one in gathered.into_iter().filter(|one| superseded.contains(&one.key())) {
+        if !branch.is_empty() {
+            noted.extend(again(service, one, &branch).await?);
+        }
     }
-    let alerts = store.note_checks(&project, &branch, &current, now).await?;
+    let alerts = store.note_checks(&project, &branch, &noted, now).await?;
     let series: Vec<i64> = lines.into_keys().collect();
     store.note_heard(&branch, &series, now).await?;
     let judgement = Judgement {
-        outcome: overall(&found.checks),
-        checks: found.checks,
+        outcome: overall(&checks),
+        checks,
         alerts,
     };
     announce(service, &project, &branch, &reports, &judgement).await?;
@@ -155,38 +152,29 @@ fn by_series(reports: &[Arc<Report>]) -> BTreeMap<i64, Vec<Arc<Report>>> {
     lines
 }
 
-async fn held_against(
-    service: &Service,
-    reports: &[Arc<Report>],
-    branch: &str,
-    rules: &Rules,
-) -> Result<Findings, ApiError> {
-    let lines = by_series(reports);
-    let mut gathered = Vec::new();
-    for reports in lines.values() {
-        gather(service, reports, branch, rules, &mut gathered).await?;
-    }
-    let is_superseded = |one: &&Gathered| !branch.is_empty() && one.is_superseded();
-    let superseded = gathered.iter().filter(is_superseded);
-    let mut tips: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
-    for one in superseded.clone() {
-        let newest = one.history.last().into_iter().flat_map(|newest| &newest.report_ids);
-        tips.entry(one.newest().series.id).or_default().extend(newest);
-    }
-    let superseded = superseded.map(Gathered::key).collect();
-    let judged = rules.clone();
-    let mut checks = blocking(move || gathered.iter().flat_map(|one| one.judge(&judged)).collect::<Vec<_>>()).await?;
-    for reports in lines.values() {
-        let series = &reports[0].series;
-        let (sequence, recipe) = (&series.sequence_name, &series.preset);
-        checks.extend(rules.unmeasured(Some(series.id), sequence, recipe, &measured(reports)));
-    }
-    add_worst_frames(service, reports, &mut checks).await?;
-    Ok(Findings {
-        checks,
-        superseded,
-        tips,
-    })
+/// The checks, found off the async threads, and what they were made of.
+async fn judged(gathered: Vec<Gathered>, rules: Rules) -> Result<(Vec<Check>, Vec<Gathered>), ApiError> {
+    blocking(move || (gathered.iter().flat_map(|one| one.judge(&rules)).collect(), gathered)).await
+}
+
+/// What the newest results of a metric of a line are by the line's own rules.
+async fn again(service: &Service, past: Gathered, branch: &str) -> Result<Vec<Check>, ApiError> {
+    let (series_id, metric) = past.key();
+    let rules = service.store.rules(series_id, branch).await?;
+    let Some((rules, newest)) = rules.zip(past.history.last().cloned()) else {
+        return Ok(Vec::new());
+    };
+    let approved = service.store.approved(series_id, &metric, newest.version, branch);
+    let newest = Gathered {
+        reports: load(service, newest.report_ids.into_iter().collect()).await?,
+        values: vec![newest.value],
+        version: newest.version,
+        approved: approved.await?,
+        ..past
+    };
+    let (mut checks, newest) = judged(vec![newest], rules).await?;
+    add_worst_frames(service, &newest[0].reports, &mut checks).await?;
+    Ok(checks)
 }
 
 async fn load(service: &Service, ids: BTreeSet<i64>) -> Result<Vec<Arc<Report>>, ApiError> {
@@ -243,10 +231,14 @@ async fn current(
     service: &Service,
     lines: &BTreeMap<i64, Vec<Arc<Report>>>,
     branch: &str,
+    superseded: &BTreeSet<(i64, String)>,
     checks: &[Check],
 ) -> Result<Vec<Judged>, ApiError> {
     let mut current = Vec::new();
     for (&series_id, reports) in lines {
+        if !branch.is_empty() && superseded.iter().any(|(series, _)| *series == series_id) {
+            continue;
+        }
         let newest = &reports[reports.len() - 1];
         // Some report is in the history of each of their metrics.
         let history = match measured(reports).first() {
@@ -264,6 +256,18 @@ async fn current(
         }
     }
     Ok(current)
+}
+
+/// Where a report is among all that its line has of a metric, as verdicts order them; none where it is not.
+pub(super) async fn places(
+    service: &Service,
+    report: &Report,
+    branch: &str,
+    metric: &str,
+    reports: [i64; 2],
+) -> Result<[Option<usize>; 2], ApiError> {
+    let history = history(service, report, branch, metric).await?;
+    Ok(reports.map(|id| history.iter().position(|past| past.report_ids.contains(&id))))
 }
 
 /// A line's results on a branch and its past, oldest first.
@@ -357,6 +361,7 @@ pub(super) fn past(points: Vec<Point>) -> Vec<Past> {
             Past {
                 report_ids: repeats.iter().map(|point| point.report_id).collect(),
                 commit: repeats[0].commit.clone(),
+                branch: repeats[0].branch.clone(),
                 value: of_measurements(&repeats.iter().map(|point| point.value.0).collect::<Vec<_>>()),
                 version: repeats[0].metric_version,
             }
@@ -395,6 +400,7 @@ impl Gathered {
             values: &self.values,
             version: self.version,
             report_id: Some(self.newest().id),
+            branch: self.newest().provenance.branch.as_deref(),
             history: &self.history,
             approved: &self.approved,
         })

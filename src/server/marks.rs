@@ -12,7 +12,7 @@ use crate::{
     store::{Series, Timestamp, TrendFilter},
     verdict::{
         Approved, ChangeState, Checks, Past, Tolerance, better,
-        change::{change_points, place},
+        change::{changes as changes_of, place},
     },
 };
 use axum::{Json, extract::State};
@@ -130,7 +130,7 @@ pub async fn of(service: &Service, series: &Series, metric: &str, branch: Option
         let values: Vec<f64> = history.iter().map(|past| past.value).collect();
         let n = values.len();
         let in_part = |part: Range<usize>| {
-            let found = change_points(&place(&values[part.clone()], better, &rule), &rule);
+            let found = changes_of(&place(&values[part.clone()], better, &rule), &rule);
             found.into_iter().map(move |point| (part.start + point.index, point.p))
         };
         let newest = n.saturating_sub(rule.window);
@@ -200,6 +200,8 @@ fn baseline(approved: &Approved, tolerance: Option<Tolerance>, better: Option<Be
         None => values.iter().sum::<f64>() / values.len() as f64,
     };
     let allowed = tolerance.zip(better).map(|(tolerance, better)| match better {
+        // A share of infinity is no number.
+        _ if worst.is_infinite() => worst,
         Better::Higher => worst - tolerance.of(worst),
         Better::Lower => worst + tolerance.of(worst),
     });

@@ -86,7 +86,7 @@ pub struct ReportRequest {
     /// Frames will follow, and then `POST /reports/{report}/close`.
     #[serde(default)]
     pub open: bool,
-    /// Judge the report by these, and keep them as the branch's.
+    /// Judge the report by these, and keep them as its line's on the branch.
     #[serde(default)]
     pub rules: Option<Rules>,
 }
@@ -370,7 +370,7 @@ pub struct CloseRequest {
     /// Version of metrics that are not known here.
     #[serde(deserialize_with = "by_name")]
     metric_versions: BTreeMap<String, u32>,
-    /// Judge the report by these, and keep them as the branch's.
+    /// Judge the report by these, and keep them as its line's on the branch.
     rules: Option<Rules>,
 }
 

@@ -1,7 +1,7 @@
 //! Alerts: faults that were found, until they are made good, approved or dismissed.
 
 use super::{LineRules, Series, SeriesFilter, Store, StoreError, Timestamp, reading::json};
-use crate::verdict::{Check, Finding, Kind, Outcome, matches};
+use crate::verdict::{Check, Finding, Kind, Outcome};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sqlx::{Connection as _, FromRow, Row, sqlite::SqliteRow};
@@ -142,19 +142,7 @@ impl Store {
             let key = (branch, series_id, check.metric.as_str(), check.kind.id());
             match check.outcome {
                 Outcome::Unknown => {}
-                Outcome::Ok => {
-                    sqlx::query(
-                        "UPDATE alerts SET status = 'resolved', closed_why = 'the check holds again', closed_at = ?5
-                         WHERE status = 'open' AND branch = ?1 AND series_id = ?2 AND metric = ?3 AND kind = ?4",
-                    )
-                    .bind(key.0)
-                    .bind(key.1)
-                    .bind(key.2)
-                    .bind(key.3)
-                    .bind(now)
-                    .execute(&mut *transaction)
-                    .await?;
-                }
+                Outcome::Ok => holds_again(&mut transaction, key, now).await?,
                 Outcome::Regression => {
                     if let Some(id) = open(&mut transaction, project, key, check, now).await? {
                         new.push(id);
@@ -268,23 +256,25 @@ impl Store {
     /// Checks of silence, by project and branch.
     async fn silence(&self, now: Timestamp) -> Result<BTreeMap<(String, String), Vec<Check>>, StoreError> {
         let last: Vec<LastReport> = sqlx::query_as(
-            "SELECT line_rules.series_id, line_rules.branch, max(reports.id) AS report_id, git_commit, reports.created_at,
-                    pull_request, branches.parent_id IS NOT NULL AS departed,
-                    count(DISTINCT reports.created_at / 86400000) AS n_days
-             FROM line_rules JOIN series ON series.id = line_rules.series_id
-             JOIN branches ON branches.project_id = series.project_id AND branches.name = line_rules.branch
-             JOIN reports ON reports.series_id = series.id AND branch_id = branches.id AND complete
-             GROUP BY line_rules.series_id, line_rules.branch",
+            "SELECT line.series_id, line.branch, reports.id AS report_id, git_commit, reports.created_at, pull_request,
+                    departed, CASE WHEN departed THEN (
+                        SELECT count(DISTINCT created_at / 86400000) FROM reports AS each
+                        WHERE each.series_id = line.series_id AND each.branch_id = line.branch_id AND complete) ELSE 0 END AS n_days
+             FROM (SELECT line_rules.series_id, line_rules.branch, branches.id AS branch_id, parent_id IS NOT NULL AS departed
+                   FROM line_rules JOIN series ON series.id = line_rules.series_id
+                   JOIN branches ON branches.project_id = series.project_id AND branches.name = line_rules.branch) AS line
+             JOIN reports ON reports.id = (SELECT max(id) FROM reports AS last WHERE last.series_id = line.series_id
+                                           AND last.branch_id = line.branch_id AND complete)",
         )
         .fetch_all(&self.readers)
         .await?;
-        let rules = self.line_rules(None, None).await?;
+        let rules = self.line_rules(None).await?;
         let mut by_line: HashMap<_, _> = last
             .into_iter()
             .map(|last| ((last.series_id, last.branch.clone()), last))
             .collect();
         let mut lines = Vec::new();
-        for rules in rules.into_iter().filter(|line| line.rules.no_data_nights.is_some()) {
+        for rules in rules.into_iter() {
             let filter = SeriesFilter {
                 id: Some(rules.series_id),
                 ..SeriesFilter::default()
@@ -306,17 +296,13 @@ impl Store {
         }
         let mut checks: BTreeMap<_, Vec<Check>> = BTreeMap::new();
         for (rules, last, series) in lines {
-            let is_ruled =
-                rules.rules.rules.iter().any(|rule| {
-                    matches(&rule.sequence, &series.sequence_name) && matches(&rule.recipe, &series.preset)
-                });
-            if !is_ruled {
+            let is_ruled = rules.rules.ask_of(&series.sequence_name, &series.preset);
+            let Some(nights) = rules.rules.no_data_nights.filter(|_| is_ruled) else {
                 continue;
-            }
+            };
             let is_newest = newest.get(&nightly(&rules, &series)) == Some(&last.report_id);
             let is_awaited = is_newest && last.is_awaited();
             // Half a night of grace: a nightly that starts late is not silent.
-            let nights = rules.rules.no_data_nights.unwrap_or_default();
             let allowed = Duration::from_secs(u64::from(nights) * 86_400 + 43_200);
             let silence = now.since(last.created_at);
             let is_silent = is_awaited && silence > allowed;
@@ -363,6 +349,26 @@ impl LastReport {
     }
 }
 
+/// Resolves the alert of a check that is good.
+async fn holds_again(
+    connection: &mut sqlx::SqliteConnection,
+    (branch, series_id, metric, kind): (&str, i64, &str, &str),
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "UPDATE alerts SET status = 'resolved', closed_why = 'the check holds again', closed_at = ?5
+         WHERE status = 'open' AND branch = ?1 AND series_id = ?2 AND metric = ?3 AND kind = ?4",
+    )
+    .bind(branch)
+    .bind(series_id)
+    .bind(metric)
+    .bind(kind)
+    .bind(now)
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
 /// Opens an alert, or adds to the one that is open already; its number if it is new.
 async fn open(
     connection: &mut sqlx::SqliteConnection,
@@ -375,8 +381,24 @@ async fn open(
         detail: check.detail.clone(),
         finding: check.finding.clone(),
     })?;
-    // Where it began is known better with each result.
     let first_bad = check.finding.first_bad_report.or(check.finding.last_good_report);
+    // What was dismissed stays so while it is the same fault, and is no other that is open.
+    let is_dismissed: bool = sqlx::query_scalar(
+        "SELECT EXISTS (SELECT 1 FROM alerts WHERE status = 'dismissed' AND branch = ? AND series_id = ?
+                        AND metric = ? AND kind = ? AND report_id IS ?)",
+    )
+    .bind(branch)
+    .bind(series_id)
+    .bind(metric)
+    .bind(kind)
+    .bind(first_bad)
+    .fetch_one(&mut *connection)
+    .await?;
+    if is_dismissed {
+        holds_again(connection, (branch, series_id, metric, kind), now).await?;
+        return Ok(None);
+    }
+    // Where it began is known better with each result.
     let known = sqlx::query(
         "UPDATE alerts SET finding = ?5, updated_at = ?6, report_id = ?7, last_good_report_id = ?8
          WHERE status = 'open' AND branch = ?1 AND series_id = ?2 AND metric = ?3 AND kind = ?4",
@@ -394,14 +416,10 @@ async fn open(
     if known.rows_affected() > 0 {
         return Ok(None);
     }
-    // What was dismissed stays so while it is the same fault.
-    let id: Option<i64> = sqlx::query_scalar(
+    let id = sqlx::query_scalar(
         "INSERT INTO alerts (project_id, branch, series_id, metric, kind, status, report_id, last_good_report_id,
                              finding, opened_at, updated_at)
-         SELECT (SELECT id FROM projects WHERE name = ?1), ?2, ?3, ?4, ?5, 'open', ?6, ?7, ?8, ?9, ?9
-         WHERE NOT EXISTS (SELECT 1 FROM alerts WHERE status = 'dismissed' AND branch = ?2 AND series_id = ?3
-                           AND metric = ?4 AND kind = ?5 AND report_id IS ?6)
-         RETURNING id",
+         VALUES ((SELECT id FROM projects WHERE name = ?1), ?2, ?3, ?4, ?5, 'open', ?6, ?7, ?8, ?9, ?9) RETURNING id",
     )
     .bind(project)
     .bind(branch)
@@ -412,7 +430,7 @@ async fn open(
     .bind(check.finding.last_good_report)
     .bind(&found)
     .bind(now)
-    .fetch_optional(&mut *connection)
+    .fetch_one(&mut *connection)
     .await?;
-    Ok(id)
+    Ok(Some(id))
 }

@@ -8,6 +8,7 @@
 
 mod alerts;
 mod bench;
+mod branches;
 mod cache;
 mod checks;
 mod columns;

@@ -1,4 +1,4 @@
-//! Projects and their branches.
+//! Projects, their branches and commits.
 
 use super::{Store, StoreError, Timestamp};
 use schemars::JsonSchema;
@@ -36,6 +36,19 @@ impl Store {
         )
         .bind(project)
         .fetch_all(&self.readers)
+        .await?;
+        Ok(found)
+    }
+
+    /// The first report of a commit, in a project or any.
+    pub async fn first_report(&self, commit: &str, project: Option<&str>) -> Result<Option<i64>, StoreError> {
+        let found = sqlx::query_scalar(
+            "SELECT min(reports.id) FROM reports JOIN series ON series.id = series_id JOIN projects ON projects.id = project_id
+             WHERE git_commit = ?1 AND complete AND (?2 IS NULL OR projects.name = ?2)",
+        )
+        .bind(commit)
+        .bind(project)
+        .fetch_one(&self.readers)
         .await?;
         Ok(found)
     }

@@ -4,7 +4,7 @@ use super::{AlertStatus, Store, StoreError, Timestamp, alerts};
 use crate::verdict::{Approved, ChangeState, Kind, KnownChange, Rules};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sqlx::{Connection as _, FromRow, SqliteConnection};
+use sqlx::{Connection as _, FromRow, QueryBuilder, SqliteConnection};
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
     sync::Arc,
@@ -68,11 +68,9 @@ pub struct LineRules {
 }
 
 impl Store {
-    /// Keeps the rules that lines of a branch were run with, in place of those that they had, whichever lines those were of:
-    /// a file that changed is the same file. Closes the alerts of checks that are no longer asked for.
+    /// Keeps the rules that lines of a branch were run with, and closes the alerts of checks that they do not ask for.
     pub async fn put_rules(
         &self,
-        project: &str,
         branch: &str,
         lines: &[Judged],
         rules: &Rules,
@@ -86,20 +84,6 @@ impl Store {
         .bind(serde_json::to_string(rules)?)
         .fetch_one(&mut *transaction)
         .await?;
-        let series_ids: Vec<i64> = lines.iter().map(|line| line.series_id).collect();
-        let replaced = sqlx::query(
-            "UPDATE line_rules SET rule_set_id = ?1
-             WHERE branch = ?2 AND rule_set_id IN (
-                   SELECT rule_set_id FROM line_rules
-                   WHERE branch = ?2 AND rule_set_id <> ?1 AND series_id IN (SELECT value FROM json_each(?3)))
-               AND series_id IN (SELECT series.id FROM series JOIN projects ON projects.id = project_id WHERE name = ?4)",
-        )
-        .bind(set)
-        .bind(branch)
-        .bind(serde_json::to_string(&series_ids)?)
-        .bind(project)
-        .execute(&mut *transaction)
-        .await?;
         for line in lines {
             sqlx::query(
                 "INSERT INTO line_rules (series_id, branch, rule_set_id, unknown) VALUES (?, ?, ?, ?)
@@ -112,11 +96,7 @@ impl Store {
             .execute(&mut *transaction)
             .await?;
         }
-        let unasked = match replaced.rows_affected() {
-            0 => Vec::new(),
-            _ => unasked(&mut transaction, branch, set, rules).await?,
-        };
-        for alert in unasked {
+        for alert in unasked(&mut transaction, branch, lines, rules).await? {
             sqlx::query(
                 "UPDATE alerts SET status = 'resolved', closed_why = 'its rule was removed', closed_at = ? WHERE id = ?",
             )
@@ -125,26 +105,26 @@ impl Store {
             .execute(&mut *transaction)
             .await?;
         }
-        if replaced.rows_affected() > 0 {
-            sqlx::query("DELETE FROM rule_sets WHERE id NOT IN (SELECT rule_set_id FROM line_rules)")
-                .execute(&mut *transaction)
-                .await?;
-        }
+        sqlx::query(
+            "DELETE FROM rule_sets WHERE NOT EXISTS (SELECT 1 FROM line_rules WHERE rule_set_id = rule_sets.id)",
+        )
+        .execute(&mut *transaction)
+        .await?;
         transaction.commit().await?;
         Ok(())
     }
 
-    /// The rules of lines, of one or all: each with what its last verdict could not tell.
-    pub async fn line_rules(&self, series_id: Option<i64>, branch: Option<&str>) -> Result<Vec<LineRules>, StoreError> {
-        let rows: Vec<(String, i64, String, i64, String)> = sqlx::query_as(
+    /// The rules of lines, on a branch or all: each with what its last verdict could not tell.
+    pub async fn line_rules(&self, branch: Option<&str>) -> Result<Vec<LineRules>, StoreError> {
+        let mut sql = QueryBuilder::new(
             "SELECT projects.name, series_id, branch, rule_set_id, unknown
-             FROM line_rules JOIN series ON series.id = series_id JOIN projects ON projects.id = project_id
-             WHERE (?1 IS NULL OR series_id = ?1) AND (?2 IS NULL OR branch = ?2) ORDER BY projects.name, branch, series_id",
-        )
-        .bind(series_id)
-        .bind(branch)
-        .fetch_all(&self.readers)
-        .await?;
+             FROM line_rules JOIN series ON series.id = series_id JOIN projects ON projects.id = project_id",
+        );
+        if let Some(branch) = branch {
+            sql.push(" WHERE branch = ").push_bind(branch);
+        }
+        sql.push(" ORDER BY projects.name, branch, series_id");
+        let rows: Vec<(String, i64, String, i64, String)> = sql.build_query_as().fetch_all(&self.readers).await?;
         let wanted: BTreeSet<i64> = rows.iter().map(|row| row.3).collect();
         let sets: Vec<(i64, String)> =
             sqlx::query_as("SELECT id, rules FROM rule_sets WHERE id IN (SELECT value FROM json_each(?))")
@@ -171,18 +151,24 @@ impl Store {
     }
 
     /// The rules of one line on a branch.
-    pub async fn rules(&self, series_id: i64, branch: &str) -> Result<Option<Arc<Rules>>, StoreError> {
-        let found = self.line_rules(Some(series_id), Some(branch)).await?;
-        Ok(found.into_iter().next().map(|line| line.rules))
+    pub async fn rules(&self, series_id: i64, branch: &str) -> Result<Option<Rules>, StoreError> {
+        let rules: Option<String> = sqlx::query_scalar(
+            "SELECT rules FROM line_rules JOIN rule_sets ON rule_sets.id = rule_set_id WHERE series_id = ? AND branch = ?",
+        )
+        .bind(series_id)
+        .bind(branch)
+        .fetch_optional(&self.readers)
+        .await?;
+        Ok(rules.map(|rules| serde_json::from_str(&rules)).transpose()?)
     }
 
-    /// Notes what someone said of a report, and resolves the alerts of its branch that an approval answers.
+    /// Notes what someone said of a report, and resolves the alerts that it answers.
     pub async fn decide(
         &self,
         report_id: i64,
         verdict: Verdict,
-        who: &str,
-        why: &str,
+        (who, why): (&str, &str),
+        answered: &[i64],
         now: Timestamp,
     ) -> Result<Option<Decision>, StoreError> {
         let mut writing = self.writer.acquire().await?;
@@ -198,23 +184,15 @@ impl Store {
         .bind(now)
         .fetch_optional(&mut *transaction)
         .await?;
-        if let (Some(decision), Verdict::Approved) = (&decision, verdict) {
+        if decision.is_some() {
             sqlx::query(
                 "UPDATE alerts SET status = 'resolved', closed_why = 'approved: ' || ?1, closed_by = ?2, closed_at = ?3
-                 WHERE status = 'open' AND series_id = ?4 AND kind IN ('baseline', 'change')
-                   -- Verdicts put a commit where it was measured first.
-                   AND report_id <= (SELECT min(first.id) FROM reports JOIN reports AS first
-                                     ON first.series_id = reports.series_id AND first.branch_id IS reports.branch_id
-                                        AND first.complete AND (first.id = reports.id OR first.git_commit = reports.git_commit)
-                                     WHERE reports.id = ?5)
-                   AND branch = coalesce((SELECT name FROM branches JOIN reports ON branch_id = branches.id
-                                          WHERE reports.id = ?5), '')",
+                 WHERE status = 'open' AND id IN (SELECT value FROM json_each(?4))",
             )
             .bind(why)
             .bind(who)
             .bind(now)
-            .bind(decision.series_id)
-            .bind(report_id)
+            .bind(serde_json::to_string(answered)?)
             .execute(&mut *transaction)
             .await?;
         }
@@ -267,13 +245,16 @@ impl Store {
             false => false,
             true => self.is_approved_elsewhere(series_id).await?,
         };
-        let changes: Vec<(AlertStatus, bool, i64, Option<f64>)> = sqlx::query_as(
-            "SELECT status, closed_why LIKE 'approved: %' IS TRUE, report_id, CASE json_type(finding, '$.finding.effect')
+        // Who closed an alert by an approval did so at one moment with it.
+        let changes: Vec<(AlertStatus, Option<i64>, i64, Option<f64>)> = sqlx::query_as(
+            "SELECT status, (SELECT report_id FROM decisions
+                             WHERE decisions.series_id = alerts.series_id AND decision = 'approved'
+                               AND decided_at = closed_at AND closed_why LIKE 'approved: %'),
+                    report_id, CASE json_type(finding, '$.finding.effect')
                         WHEN 'real' THEN json_extract(finding, '$.finding.effect')
                         WHEN 'integer' THEN CAST(json_extract(finding, '$.finding.effect') AS REAL) END
              FROM alerts
-             WHERE (status IN ('open', 'dismissed') OR closed_why LIKE 'approved: %' OR closed_why = 'the check holds again')
-               AND series_id = ? AND metric = ? AND kind = 'change' AND branch = ? AND report_id IS NOT NULL",
+             WHERE series_id = ? AND metric = ? AND kind = 'change' AND branch = ? AND report_id IS NOT NULL",
         )
         .bind(series_id)
         .bind(metric)
@@ -281,14 +262,13 @@ impl Store {
         .fetch_all(&self.readers)
         .await?;
         // An approval that was taken back closed nothing.
-        let of_branch = |row: &&ApprovedRow| row.1.as_deref().unwrap_or_default() == branch;
-        let is_approved = |first_bad: i64| rows.iter().filter(of_branch).any(|row| row.0 >= first_bad);
-        let known = |(status, by_approval, report_id, effect)| KnownChange {
+        let is_approved = |report: i64| rows.iter().any(|row| row.0 == report);
+        let known = |(status, approval, report_id, effect): (AlertStatus, Option<i64>, i64, Option<f64>)| KnownChange {
             report_id,
             state: match status {
                 AlertStatus::Open => ChangeState::Open,
                 AlertStatus::Dismissed => ChangeState::Dismissed,
-                AlertStatus::Resolved if by_approval && is_approved(report_id) => ChangeState::Approved,
+                AlertStatus::Resolved if approval.is_some_and(is_approved) => ChangeState::Approved,
                 AlertStatus::Resolved => ChangeState::Closed,
             },
             effect,
@@ -321,23 +301,24 @@ impl Store {
     }
 }
 
-/// Open alerts of lines with these rules that the rules do not ask for.
+/// Open alerts of these lines that the rules do not ask for.
 async fn unasked(
     connection: &mut SqliteConnection,
     branch: &str,
-    set: i64,
+    lines: &[Judged],
     rules: &Rules,
 ) -> Result<Vec<i64>, StoreError> {
+    let series_ids: Vec<i64> = lines.iter().map(|line| line.series_id).collect();
     let open: Vec<(i64, String, String, String, String)> = sqlx::query_as(
         "SELECT alerts.id, coalesce(sequences.name, subjects.name), variants.preset, metric, alerts.kind
-         FROM alerts JOIN line_rules ON line_rules.series_id = alerts.series_id AND line_rules.branch = alerts.branch
+         FROM json_each(?2) AS line JOIN alerts ON alerts.series_id = line.value AND alerts.branch = ?1
          JOIN series ON series.id = alerts.series_id
          JOIN subjects ON subjects.id = subject_id LEFT JOIN sequences ON sequences.id = sequence_id
          JOIN variants ON variants.id = variant_id
-         WHERE status = 'open' AND alerts.branch = ? AND rule_set_id = ?",
+         WHERE status = 'open'",
     )
     .bind(branch)
-    .bind(set)
+    .bind(serde_json::to_string(&series_ids)?)
     .fetch_all(connection)
     .await?;
     let is_unasked = |(_, sequence, recipe, metric, kind): &(i64, String, String, String, String)| {
@@ -346,7 +327,7 @@ async fn unasked(
             Kind::Limit => asked.min.is_none() && asked.max.is_none(),
             Kind::Baseline => asked.baseline.is_none(),
             Kind::Change => asked.change.is_none(),
-            Kind::NoData => rules.no_data_nights.is_none(),
+            Kind::NoData => rules.no_data_nights.is_none() || !rules.ask_of(sequence, recipe),
         }
     };
     Ok(open.into_iter().filter(is_unasked).map(|alert| alert.0).collect())

@@ -138,12 +138,12 @@ impl Store {
         limit: usize,
     ) -> Result<Vec<Delivery>, StoreError> {
         let found = sqlx::query_as(
-            "SELECT id, webhook_id, attempts, event, payload, url, secret
-             FROM (SELECT deliveries.*, url, secret,
-                          row_number() OVER (PARTITION BY webhook_id ORDER BY next_at, deliveries.id) AS place
-                   FROM deliveries JOIN webhooks ON webhooks.id = webhook_id
+            "SELECT deliveries.id, webhook_id, attempts, event, payload, url, secret
+             FROM (SELECT id AS due_id, row_number() OVER (PARTITION BY webhook_id ORDER BY next_at, id) AS place
+                   FROM deliveries
                    WHERE next_at <= ?1 AND webhook_id NOT IN (SELECT value FROM json_each(?2)))
-             WHERE place = 1 ORDER BY next_at, id LIMIT ?3",
+             JOIN deliveries ON deliveries.id = due_id JOIN webhooks ON webhooks.id = webhook_id
+             WHERE place = 1 ORDER BY next_at, deliveries.id LIMIT ?3",
         )
         .bind(now)
         .bind(serde_json::to_string(but)?)

@@ -27,7 +27,7 @@ pub struct ChangePoint {
     pub after: f64,
 }
 
-/// The changes of level in finite `values` ([`place`] makes them so), oldest first.
+/// The best cuts of finite `values`, oldest first, as otava finds them.
 pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
     let mut cuts = Vec::new();
     // Start and end of each part that is still to be cut.
@@ -55,6 +55,23 @@ pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
             _ => return found,
         }
     }
+}
+
+/// The changes of level in finite `values` ([`place`] makes them so), oldest first. No cut may be nearer to an end than the shortest
+/// level, of which the first results may therefore belong to the level before: the change is behind them.
+pub fn changes(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
+    let mut found = change_points(values, rule);
+    let mut end = values.len();
+    for point in found.iter_mut().rev() {
+        let begin = point.index;
+        if begin + rule.min_segment == end {
+            let distance = |index: usize, level: f64| (values[index] - level).abs();
+            let is_before = |&index: &usize| distance(index, point.before) < distance(index, point.after);
+            point.index += (begin..end - 1).take_while(is_before).count();
+        }
+        end = begin;
+    }
+    found
 }
 
 /// The values with those that are not finite beside the others: infinities as far out as makes a step that counts, so that

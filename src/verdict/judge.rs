@@ -60,6 +60,8 @@ pub struct Past {
     pub report_ids: Vec<i64>,
     /// Their commit.
     pub commit: Option<String>,
+    /// Their branch.
+    pub branch: Option<String>,
     /// The value, by [`of_repeats`].
     pub value: f64,
     /// Version of the metric.
@@ -137,6 +139,8 @@ pub struct Line<'a> {
     pub version: u32,
     /// A report of this run, where it is stored.
     pub report_id: Option<i64>,
+    /// The branch that is judged.
+    pub branch: Option<&'a str>,
     /// Results of the branch and its past, oldest first, this run's included where they are stored.
     pub history: &'a [Past],
     /// What was approved.

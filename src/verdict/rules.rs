@@ -239,6 +239,12 @@ impl Rules {
         Ok(())
     }
 
+    /// Whether any rule is about a line.
+    pub fn ask_of(&self, sequence: &str, recipe: &str) -> bool {
+        let is_about = |rule: &Rule| matches(&rule.sequence, sequence) && matches(&rule.recipe, recipe);
+        self.rules.iter().any(is_about)
+    }
+
     /// What is asked of a metric of a line.
     pub fn checks(&self, sequence: &str, recipe: &str, metric: &str) -> Checks {
         let matching = self.rules.iter().filter(|rule| {

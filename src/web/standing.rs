@@ -50,7 +50,7 @@ impl Standings {
             limit: MAX_ALERTS,
             ..AlertFilter::default()
         };
-        let rules = service.store.line_rules(None, branch).await?;
+        let rules = service.store.line_rules(branch).await?;
         Ok(Self {
             alerts: service.store.alerts(&filter).await?,
             rules: rules
@@ -86,8 +86,8 @@ impl Standings {
         };
         let asked = line.rules.checks(&series.sequence_name, &series.preset, metric);
         match line.unknown.get(metric) {
+            _ if asked == Checks::default() => Standing::NotJudged,
             Some(why) => Standing::Unknown(why),
-            None if asked == Checks::default() => Standing::NotJudged,
             None => Standing::Holds,
         }
     }

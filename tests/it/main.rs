@@ -50,3 +50,4 @@ mod validation;
 mod verdicts;
 mod viewer;
 mod web;
+mod webhooks;

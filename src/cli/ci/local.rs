@@ -138,6 +138,7 @@ impl Repeats<'_> {
                 values: &values,
                 version,
                 report_id: None,
+                branch: None,
                 history: &[],
                 approved: &approved,
             });

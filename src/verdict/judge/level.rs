@@ -47,18 +47,9 @@ impl<'a> View<'a> {
 
     /// Changes of level in a part.
     fn changes(&self, part: Range<usize>) -> Vec<ChangePoint> {
-        let mut found = change::change_points(&self.values[part.clone()], self.rule);
-        let mut end = part.end;
-        for point in found.iter_mut().rev() {
+        let mut found = change::changes(&self.values[part.clone()], self.rule);
+        for point in &mut found {
             point.index += part.start;
-            let begin = point.index;
-            if begin + self.rule.min_segment == end {
-                // No cut may be nearer to the end: of the shortest level the first results may belong to the one before.
-                let distance = |index: usize, level: f64| (self.values[index] - level).abs();
-                let is_before = |&index: &usize| distance(index, point.before) < distance(index, point.after);
-                point.index += (begin..end - 1).take_while(is_before).count();
-            }
-            end = begin;
         }
         found
     }
@@ -131,10 +122,14 @@ impl Judge<'_> {
                     .as_ref()
                     .is_some_and(|commit| approved.commits.contains(commit))
         });
+        // What the branch came with is another's to answer for.
+        let is_own = |past: &Past| past.branch.as_deref() == self.line.branch;
+        let first_own = all.iter().position(is_own).filter(|_| self.line.branch.is_some());
+        let accepted = accepted.max(first_own.and_then(|index| index.checked_sub(1)));
         let open = approved.changes.iter().find(|known| known.state == ChangeState::Open);
         if open.is_some_and(|open| self.is_out_of_sight(open)) {
             return unknown(format!(
-                "the change that an alert is open of is older than the {} results that are looked at; approve or dismiss it",
+                "the change that an alert is open of is older than the {} results that are looked at, or of another version of the metric; approve or dismiss it",
                 all.len()
             ));
         }
@@ -148,7 +143,16 @@ impl Judge<'_> {
             .rev()
             .filter(|known| known.state == ChangeState::Closed);
         let closed = closed.filter_map(|known| self.place_of(known.report_id));
-        let closed = closed.filter(|index| index + 2 * rule.window >= all.len()).take(1);
+        let closed = closed.filter(|index| index + 2 * rule.window >= all.len());
+        let dismissed = |index: &usize| {
+            let known = approved
+                .changes
+                .iter()
+                .filter(|known| known.state == ChangeState::Dismissed);
+            let mut places = known.filter_map(|known| self.place_of(known.report_id));
+            places.any(|place| place.abs_diff(*index) < rule.min_segment)
+        };
+        let closed = closed.filter(|index| !dismissed(index)).take(1);
         let open = open.and_then(|open| self.place_of(open.report_id));
         for index in open.into_iter().chain(closed).filter(is_new) {
             let start = newest.min(index.saturating_sub(rule.window));
@@ -167,8 +171,7 @@ impl Judge<'_> {
 
     /// Whether a change began before the oldest result there is.
     fn is_out_of_sight(&self, open: &KnownChange) -> bool {
-        let place = |past: &Past| past.report_ids.contains(&open.report_id);
-        self.line.history.iter().position(place).is_none_or(|index| index == 0)
+        self.place_of(open.report_id).is_none_or(|index| index == 0)
     }
 
     fn newest_change(&self, view: &View, accepted: Option<usize>) -> Check {

@@ -7,6 +7,7 @@ fn history(values: &[f64]) -> Vec<Past> {
     let past = |(i, &value): (usize, &f64)| Past {
         report_ids: vec![i as i64 + 1],
         commit: Some(format!("c{i}")),
+        branch: None,
         value,
         version: 1,
     };
@@ -22,6 +23,7 @@ fn judge(rules: &str, metric: &str, values: &[f64], history: &[Past], approved: 
         values,
         version: 1,
         report_id: None,
+        branch: None,
         history,
         approved,
     };
@@ -307,6 +309,60 @@ fn the_first_night_of_a_change_names_its_commit() {
 }
 
 #[test]
+fn a_dismissed_change_that_also_closed_hides_no_other() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let values = [[1.0; 8], [1.3; 8], [2.0; 8]].concat();
+    let approved = Approved {
+        changes: vec![known(9, ChangeState::Closed), known(9, ChangeState::Dismissed)],
+        ..Approved::default()
+    };
+    let found = judge(rules, "gpu_time_ms", &[2.0], &history(&values), &approved).remove(0);
+    assert_eq!(found.finding.first_bad_commit.as_deref(), Some("c16"));
+}
+
+#[test]
+fn a_change_in_another_version_is_left_to_people() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    let mut past = history(&[[1.0; 8], [1.3; 8], [1.3; 8]].concat());
+    past[..16].iter_mut().for_each(|past| past.version = 0);
+    let approved = Approved {
+        changes: vec![known(9, ChangeState::Open)],
+        ..Approved::default()
+    };
+    let found = judge(rules, "gpu_time_ms", &[1.3], &past, &approved).remove(0);
+    assert_eq!(found.outcome, Outcome::Unknown, "{}", found.detail);
+}
+
+#[test]
+fn a_branch_does_not_answer_for_what_it_came_with() {
+    let mut past = history(&[[1.0; 8], [1.2; 8], [1.2; 8], [1.5; 8]].concat());
+    for (place, past) in past.iter_mut().enumerate() {
+        past.branch = Some(if place < 16 { "main" } else { "work" }.to_owned());
+    }
+    let approved = Approved::default();
+    let rules = Rules::parse("[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }").unwrap();
+    let judge = |branch: &str, n: usize| {
+        let line = Line {
+            series_id: 1,
+            sequence: "ship",
+            recipe: "ema",
+            metric: "gpu_time_ms",
+            values: &[past[n - 1].value],
+            version: 1,
+            report_id: Some(past[n - 1].report_id()),
+            branch: Some(branch),
+            history: &past[..n],
+            approved: &approved,
+        };
+        let found = rules.judge(&line).remove(0);
+        (found.outcome, found.finding.first_bad_commit)
+    };
+    assert_eq!(judge("main", 16), (Outcome::Regression, Some("c8".to_owned())));
+    assert_eq!(judge("work", 24), (Outcome::Ok, None));
+    assert_eq!(judge("work", 32), (Outcome::Regression, Some("c24".to_owned())));
+}
+
+#[test]
 fn a_change_is_no_regression_of_a_commit_before_it() {
     let past = history(&[[1.0; 10], [1.2; 10]].concat());
     let approved = Approved::default();
@@ -319,6 +375,7 @@ fn a_change_is_no_regression_of_a_commit_before_it() {
             values: &[past[place].value],
             version: 1,
             report_id: Some(past[place].report_id()),
+            branch: None,
             history: &past,
             approved: &approved,
         };
