@@ -8,6 +8,7 @@ mod api;
 mod bad_input;
 mod bake;
 mod bench;
+mod bencher;
 mod blobs;
 mod check;
 mod check_baked;
