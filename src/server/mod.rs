@@ -373,7 +373,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .layer(middleware::from_fn(known_encoding))
         .layer(RequestBodyTimeoutLayer::new(PATIENCE))
         .layer(middleware::from_fn_with_state(with(), access::control))
-        .layer(middleware::from_fn(unread::tell))
+        .layer(middleware::from_fn(unread::finish))
         .layer(CompressionLayer::new().compress_when(worth_compressing()))
         .layer(middleware::from_fn(security_headers))
         .layer(middleware::from_fn_with_state(with(), observe::observe))

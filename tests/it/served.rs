@@ -141,22 +141,36 @@ fn a_client_that_sends_nothing_more_does_not_keep_a_service_from_stopping() {
 
 /// A pool must not give the next request to a connection that closes.
 #[test]
-fn a_connection_that_closes_is_said_to() {
+fn what_was_not_read_is_read_or_ends_the_connection() {
     let service = TestService::start(Idle, &["--require-tokens"]);
-    let answered = |head: &str| {
+    let connect = |head: &str, n_bytes: usize| {
         let mut stream = TcpStream::connect(service.address).unwrap();
-        // The body comes later, if ever.
         write!(
             stream,
-            "{head} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 10\r\n\r\n"
+            "{head} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {n_bytes}\r\n\r\n"
         )
         .unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        answer.to_lowercase()
+        stream
     };
     for head in ["POST /api/v1/reports", "DELETE /healthz"] {
-        let answer = answered(head);
-        assert!(answer.contains("\r\nconnection: close\r\n"), "{head}: {answer}");
+        // The body never comes.
+        let mut answer = String::new();
+        connect(head, 10).read_to_string(&mut answer).unwrap();
+        assert!(
+            answer.to_lowercase().contains("\r\nconnection: close\r\n"),
+            "{head}: {answer}"
+        );
+        // It comes, later, and behind it another request.
+        let mut stream = connect(head, 10);
+        thread::sleep(Duration::from_millis(20));
+        write!(
+            stream,
+            "{:10}GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n",
+            ""
+        )
+        .unwrap();
+        let mut answers = String::new();
+        stream.read_to_string(&mut answers).unwrap();
+        assert!(answers.contains("HTTP/1.1 200"), "{head}: {answers}");
     }
 }
