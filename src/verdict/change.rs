@@ -27,6 +27,22 @@ pub struct ChangePoint {
     pub after: f64,
 }
 
+/// The fewest results in which a change can be seen: two of the shortest levels, and so many orders of the values that those which are
+/// as good as a perfect step, of which there are two, are rare enough.
+pub fn fewest(rule: &ChangeRule) -> usize {
+    let mut n = 2 * rule.min_segment;
+    let n_orders = |n: usize| (1..=n / 2).fold(1.0, |orders, i| orders * (n + 1 - i) as f64 / i as f64);
+    while 2.0 * N_SHUFFLES as f64 / n_orders(n) >= n_allowed(rule) as f64 {
+        n += 1;
+    }
+    n
+}
+
+/// How many orders of the values may be as good as theirs, themselves included.
+fn n_allowed(rule: &ChangeRule) -> usize {
+    (rule.p * (N_SHUFFLES + 1) as f64) as usize
+}
+
 /// The best cuts of finite `values`, oldest first, as otava finds them.
 pub fn change_points(values: &[f64], rule: &ChangeRule) -> Vec<ChangePoint> {
     let mut cuts = Vec::new();
@@ -126,7 +142,7 @@ fn cut(values: &[f64], rule: &ChangeRule) -> Option<(usize, f64)> {
     let mut random = Random::new(SEED);
     let mut shuffled = values.to_vec();
     // Once so many shuffles are as good, the cut is lost whatever the others are.
-    let allowed = (rule.p * (N_SHUFFLES + 1) as f64) as usize;
+    let allowed = n_allowed(rule);
     let mut n_as_good = 1;
     for _ in 0..N_SHUFFLES {
         random.shuffle(&mut shuffled);
@@ -219,6 +235,30 @@ pub fn effect(before: &[f64], after: &[f64]) -> (f64, f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Those of a table of what was seen to fire and what never did.
+    #[test]
+    fn few_results_are_never_improbable() {
+        for (p, min_segment, fewest) in [
+            (0.01, 4, 10),
+            (0.01, 2, 10),
+            (0.002, 4, 13),
+            (0.05, 4, 8),
+            (0.01, 20, 40),
+        ] {
+            let rule = ChangeRule {
+                p,
+                min_segment,
+                ..ChangeRule::default()
+            };
+            assert_eq!(super::fewest(&rule), fewest, "p = {p}, {min_segment}");
+            let step = |n: usize| series(&[(n - n / 2, 1.0), (n / 2, 1.5)], 7);
+            assert_eq!(change_points(&step(fewest), &rule).len(), 1, "p = {p}, {min_segment}");
+            if fewest > 2 * min_segment {
+                assert_eq!(change_points(&step(fewest - 1), &rule), [], "p = {p}, {min_segment}");
+            }
+        }
+    }
 
     /// Noise of about ±1 % around levels.
     fn series(levels: &[(usize, f64)], seed: u64) -> Vec<f64> {

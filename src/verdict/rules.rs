@@ -1,7 +1,7 @@
 //! The rules file, `afterimage.toml`. It lies in the user's repository and is sent with each run, so that rules have the
 //! history of the code they judge; a rule that is gone has no alerts.
 
-use super::better;
+use super::{better, change};
 use crate::{metrics::Better, words::expected_in_words};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, de};
@@ -297,6 +297,12 @@ impl Rule {
         }
         if !(2 * change.min_segment..=500).contains(&change.window) {
             return Err(("change.window", "must be at least twice min_segment, at most 500"));
+        }
+        if change.window < change::fewest(change) {
+            return Err((
+                "change.window",
+                "is too short for `p`: nothing in so few results is so improbable",
+            ));
         }
         Ok(())
     }

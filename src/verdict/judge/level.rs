@@ -101,7 +101,7 @@ impl Judge<'_> {
     pub(super) fn change(&self, rule: &ChangeRule) -> Check {
         let all = self.comparable();
         let unknown = |detail: String| self.check(Kind::Change, Outcome::Unknown, detail, Finding::default());
-        let needed = 2 * rule.min_segment;
+        let needed = change::fewest(rule);
         if self.line.history.is_empty() {
             return unknown("a change is seen in a history, which a service keeps; there is none".to_owned());
         }
@@ -127,7 +127,7 @@ impl Judge<'_> {
         let first_own = all.iter().position(is_own).filter(|_| self.line.branch.is_some());
         let accepted = accepted.max(first_own.and_then(|index| index.checked_sub(1)));
         let open = approved.changes.iter().find(|known| known.state == ChangeState::Open);
-        if open.is_some_and(|open| self.is_out_of_sight(open)) {
+        if open.is_some_and(|open| self.is_out_of_sight(open, rule)) {
             return unknown(format!(
                 "the change that an alert is open of is older than the {} results that are looked at, or of another version of the metric; approve or dismiss it",
                 all.len()
@@ -169,9 +169,10 @@ impl Judge<'_> {
         self.newest_change(&view, accepted)
     }
 
-    /// Whether a change began before the oldest result there is.
-    fn is_out_of_sight(&self, open: &KnownChange) -> bool {
-        self.place_of(open.report_id).is_none_or(|index| index == 0)
+    /// Whether what is there before a change is no level any more.
+    fn is_out_of_sight(&self, open: &KnownChange, rule: &ChangeRule) -> bool {
+        self.place_of(open.report_id)
+            .is_none_or(|index| index < rule.min_segment)
     }
 
     fn newest_change(&self, view: &View, accepted: Option<usize>) -> Check {

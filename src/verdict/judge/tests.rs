@@ -308,6 +308,21 @@ fn the_first_night_of_a_change_names_its_commit() {
     assert_eq!(named, vec!["c12"; 4]);
 }
 
+/// At the far end of what is looked at, the level before a change wears away.
+#[test]
+fn a_change_without_a_level_before_it_is_left_to_people() {
+    let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
+    for (n_before, outcome) in [(4, Outcome::Regression), (3, Outcome::Unknown), (1, Outcome::Unknown)] {
+        let past = history(&[vec![1.0; n_before], vec![1.3; 60]].concat());
+        let approved = Approved {
+            changes: vec![known(n_before as i64 + 1, ChangeState::Open)],
+            ..Approved::default()
+        };
+        let found = judge(rules, "gpu_time_ms", &[1.3], &past, &approved).remove(0);
+        assert_eq!(found.outcome, outcome, "{n_before}: {}", found.detail);
+    }
+}
+
 #[test]
 fn a_dismissed_change_that_also_closed_hides_no_other() {
     let rules = "[[rule]]\nmetric = 'gpu_time_ms'\nchange = { min_segment = 4 }";
@@ -556,12 +571,13 @@ fn what_is_asked_for_by_name_must_be_measured() {
 #[test]
 fn values_of_another_version_are_not_compared() {
     let rules = "[[rule]]\nmetric = 'psnr'\nchange = { min_segment = 2 }";
-    let mut past = history(&[30.0, 30.1, 30.0, 30.1, 20.0, 20.1, 20.0, 20.1]);
-    past[..4].iter_mut().for_each(|past| past.version = 0);
-    assert_eq!(
-        judge(rules, "psnr", &[20.0], &past, &Approved::default())[0].outcome,
-        Outcome::Ok
-    );
+    let mut past = history(&[[30.0, 30.1].repeat(5), [20.0, 20.1].repeat(5)].concat());
+    let outcome = |past: &[Past]| judge(rules, "psnr", &[20.0], past, &Approved::default())[0].outcome;
+    assert_eq!(outcome(&past), Outcome::Regression);
+    past[..10].iter_mut().for_each(|past| past.version = 0);
+    assert_eq!(outcome(&past), Outcome::Ok);
+    // Of nine, no order is improbable enough.
+    assert_eq!(outcome(&past[..19]), Outcome::Unknown);
 }
 
 #[test]
