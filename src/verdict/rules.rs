@@ -377,6 +377,15 @@ mod tests {
             ),
             ("[[rule]]\nmetric = 'psnr'\nbaseline = '2'", "2 %"),
             ("[[rule]]\nmetric = 'psnr'\nchange = { p = 2 }", "rule[0].change.p"),
+            (
+                "[[rule]]\nmetric = 'psnr'\nchange = { window = 9 }",
+                "too short for `p`",
+            ),
+            (
+                "[[rule]]\nmetric = 'psnr'\nmin = 3\nbetter = 'lower'",
+                "rule[0].better: which way",
+            ),
+            ("rule = { metric = 'psnr', min = 3 }", "expected an array"),
             ("no_data_nights = 0", "no_data_nights: must be 1"),
         ] {
             let error = Rules::parse(text).unwrap_err().to_string();
