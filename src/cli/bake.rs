@@ -1,6 +1,6 @@
 //! `afterimage bake`
 
-use super::{note, print, progress_bar, table};
+use super::{lavapipe, note, print, progress_bar, table};
 use afterimage::{
     gpu::Gpu,
     image::Extent,
@@ -164,6 +164,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         let occupied = out.read_dir().is_ok_and(|mut entries| entries.next().is_some());
         anyhow::ensure!(!occupied, "--out {}: the folder is not empty", out.display());
     }
+    lavapipe::without_threads()?;
     let gpu = Gpu::open(arguments.adapter.as_deref())?;
     let cache = Cache::new(arguments.cache.clone().unwrap_or_else(Cache::default_folder));
     let screen = Screen(progress_bar(&settings.scene, settings.n_frames as u64));

@@ -1,6 +1,6 @@
 //! `afterimage paper`
 
-use super::{JsonTarget, note, print};
+use super::{JsonTarget, lavapipe, note, print};
 use afterimage::{
     gpu::Gpu,
     paper::{self, Effort, Finding, Lab, page},
@@ -62,6 +62,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
         }
         return Ok(true);
     }
+    lavapipe::without_threads()?;
     let gpu = Gpu::open(arguments.adapter.as_deref())?;
     let lab = Lab::new(&gpu, if arguments.quick { Effort::QUICK } else { Effort::FULL });
     let quiet = JsonTarget::takes_stdout(arguments.json.as_ref());

@@ -11,7 +11,8 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// Takes commands.
     pub queue: wgpu::Queue,
-    adapter: wgpu::Adapter,
+    /// Of the adapter, in [`adapters`].
+    index: usize,
     second: Arc<OnceLock<(wgpu::Device, wgpu::Queue)>>,
     info: wgpu::AdapterInfo,
     pub(super) variant: Variant,
@@ -24,7 +25,7 @@ pub const NO_DRIVER: &str = "no Vulkan adapter found: install a GPU driver, or M
 
 /// The adapters that could be opened, in the order of their index.
 pub fn adapters() -> Vec<AdapterInfo> {
-    let found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
+    let found = enumerate();
     found.iter().map(|adapter| describe(&adapter.get_info())).collect()
 }
 
@@ -35,7 +36,7 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::NoAdapter`] says what to install or which adapters there are.
     pub fn open(wanted: Option<&str>) -> Result<Arc<Self>, GpuError> {
-        let mut found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
+        let mut found = enumerate();
         if found.is_empty() {
             return Err(GpuError::NoAdapter(NO_DRIVER.to_owned()));
         }
@@ -46,10 +47,7 @@ impl Gpu {
                 .position(|adapter| adapter.get_info().device_type != wgpu::DeviceType::Cpu)
                 .unwrap_or(0),
         };
-        Self::open_device(found.swap_remove(index)).map(Arc::new)
-    }
-
-    fn open_device(adapter: wgpu::Adapter) -> Result<Self, GpuError> {
+        let adapter = found.swap_remove(index);
         let info = adapter.get_info();
         let (device, queue) = request(&adapter)?;
         // On a CPU a row: its lanes then read neighbouring texels.
@@ -57,26 +55,31 @@ impl Gpu {
             wgpu::DeviceType::Cpu => Workgroup::new(64, 1),
             _ => Workgroup::new(8, 8),
         };
-        Ok(Self {
+        Ok(Arc::new(Self {
             workgroup: workgroup::tuned(&describe(&info)).unwrap_or(untuned),
             device,
             queue,
-            adapter,
+            index,
             second: Arc::default(),
             info,
             variant: Variant::default(),
-        })
+        }))
     }
 
-    /// Another device of the same adapter, opened once: a CPU adapter does the work of a device on one thread.
+    /// Another device of the same adapter, opened once: a CPU adapter does the work of a device on one thread. It has an
+    /// instance of its own, for devices of one instance wait for each other to rasterise.
     ///
     /// # Errors
-    /// What the driver says.
+    /// What the driver says, also where the adapter is gone.
     pub fn second(&self) -> Result<Self, GpuError> {
         let (device, queue) = match self.second.get() {
             Some(known) => known.clone(),
             None => {
-                let opened = request(&self.adapter)?;
+                let mut found = enumerate();
+                if self.index >= found.len() {
+                    return Err(GpuError::NoAdapter(format!("{} is gone", self.info.name)));
+                }
+                let opened = request(&found.swap_remove(self.index))?;
                 self.second.get_or_init(|| opened).clone()
             }
         };
@@ -203,13 +206,14 @@ fn request(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), GpuEr
     })
 }
 
-fn instance() -> wgpu::Instance {
-    wgpu::Instance::new(wgpu::InstanceDescriptor {
+fn enumerate() -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,
         // Before every indirect dispatch wgpu would check its size in a pass of its own; ours come from our own lists.
         flags: wgpu::InstanceFlags::from_build_config() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
-    })
+    });
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN))
 }
 
 fn find(found: &[wgpu::Adapter], wanted: &str) -> Result<usize, GpuError> {
