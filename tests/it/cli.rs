@@ -2,8 +2,11 @@
 
 use serde_json::Value;
 use std::{
+    fs,
     path::PathBuf,
-    process::{Command, Output},
+    process::{Command, Output, Stdio},
+    thread,
+    time::Duration,
 };
 
 fn afterimage(arguments: &[&str]) -> Output {
@@ -216,7 +219,7 @@ fn compare_draws_maps_that_say_what_they_show() {
     succeed(&["compare", reference, test, "--metrics", "flip,ssim", "--maps", maps]);
     for (metric, white) in [("flip", "1"), ("ssim", "0")] {
         let png = png::Decoder::new(std::io::BufReader::new(
-            std::fs::File::open(folder.path().join(format!("{metric}.png"))).unwrap(),
+            fs::File::open(folder.path().join(format!("{metric}.png"))).unwrap(),
         ));
         let info = png.read_info().unwrap().info().clone();
         let texts: Vec<_> = info
@@ -329,8 +332,8 @@ fn bench_prints_points_noise_and_pictures() {
     assert_eq!(points[1]["parameters"]["skip"], "exact");
     assert_eq!(points[0]["metrics"], points[1]["metrics"], "skipping changes nothing");
     assert!(output["noise"]["pan"]["relative"].as_f64().unwrap() > 0.0);
-    assert!(std::fs::read_to_string(svg).unwrap().starts_with("<svg"));
-    let csv = std::fs::read_to_string(csv).unwrap();
+    assert!(fs::read_to_string(svg).unwrap().starts_with("<svg"));
+    let csv = fs::read_to_string(csv).unwrap();
     assert_eq!(csv.lines().count(), 5, "{csv}");
     assert!(csv.starts_with("sequence,preset,parameters,median_ms,"), "{csv}");
     let wrong = refuse(&["bench", "fixtures/pan", "--preset", "ema", "--sweep", "current_weight"]);
@@ -366,4 +369,42 @@ fn check_says_what_is_wrong_and_exits_with_it() {
     );
     assert!(finding["evidence"]["error_declared"].as_f64() > finding["evidence"]["error_corrected"].as_f64());
     assert!(refuse(&["check", "fixtures"]).contains("no manifest.json there"));
+}
+
+/// They may free what another still uses: `src/cli/lavapipe.rs`.
+#[test]
+fn a_bake_goes_without_lavapipes_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut bake = Command::new(env!("CARGO_BIN_EXE_afterimage"))
+        .args([
+            "bake",
+            "static",
+            "--frames",
+            "1",
+            "--size",
+            "64x36",
+            "--reference-samples",
+            "2",
+        ])
+        .arg("--cache")
+        .arg(folder.path().join("cache"))
+        .arg("--out")
+        .arg(&out)
+        .env_remove("LP_NUM_THREADS")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let environment = format!("/proc/{}/environ", bake.id());
+    let is_without = || {
+        let environment = fs::read_to_string(&environment).unwrap_or_default();
+        environment.split('\0').any(|it| it == "LP_NUM_THREADS=0")
+    };
+    while !is_without() {
+        assert!(bake.try_wait().unwrap().is_none(), "it ended with lavapipe's threads");
+        thread::sleep(Duration::from_millis(1));
+    }
+    assert!(bake.wait().unwrap().success());
+    assert!(out.join("manifest.json").is_file());
 }
