@@ -1,9 +1,11 @@
 //! Draws every built-in scene, or those that are named, into one PNG: `docs/scenes.png`, or the channels of a frame.
 //!
 //! ```sh
-//! cargo run --release --example contact_sheet -- docs/scenes.png
-//! cargo run --release --example contact_sheet -- sphere.png --size 640x360 --frame 9 --channels sphere
+//! LP_NUM_THREADS=0 cargo run --release --example contact_sheet -- docs/scenes.png
+//! LP_NUM_THREADS=0 cargo run --release --example contact_sheet -- sphere.png --size 640x360 --frame 9 --channels sphere
 //! ```
+//!
+//! `src/cli/lavapipe.rs` says why without lavapipe's threads.
 
 use afterimage::{
     gpu::Gpu,

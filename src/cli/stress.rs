@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     if spec.size.is_none() {
         // Cells run side by side, so the driver's threads only cost: at every dispatch they wait for each other, which takes
         // longer than the few hundred pixels of a hazard.
-        lavapipe::with_threads(0)?;
+        lavapipe::without_threads()?;
     }
     let wanted: Vec<_> = match arguments.adapter.as_slice() {
         [] => vec![None],

@@ -11,8 +11,6 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// Takes commands.
     pub queue: wgpu::Queue,
-    /// Of the adapter, in [`adapters`].
-    index: usize,
     second: Arc<OnceLock<(wgpu::Device, wgpu::Queue)>>,
     info: wgpu::AdapterInfo,
     pub(super) variant: Variant,
@@ -59,7 +57,6 @@ impl Gpu {
             workgroup: workgroup::tuned(&describe(&info)).unwrap_or(untuned),
             device,
             queue,
-            index,
             second: Arc::default(),
             info,
             variant: Variant::default(),
@@ -75,11 +72,9 @@ impl Gpu {
         let (device, queue) = match self.second.get() {
             Some(known) => known.clone(),
             None => {
-                let mut found = enumerate();
-                if self.index >= found.len() {
-                    return Err(GpuError::NoAdapter(format!("{} is gone", self.info.name)));
-                }
-                let opened = request(&found.swap_remove(self.index))?;
+                let same = enumerate().into_iter().find(|adapter| adapter.get_info() == self.info);
+                let gone = || GpuError::NoAdapter(format!("{} is gone", self.info.name));
+                let opened = request(&same.ok_or_else(gone)?)?;
                 self.second.get_or_init(|| opened).clone()
             }
         };

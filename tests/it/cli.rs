@@ -377,16 +377,7 @@ fn a_bake_goes_without_lavapipes_threads() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let mut bake = Command::new(env!("CARGO_BIN_EXE_afterimage"))
-        .args([
-            "bake",
-            "static",
-            "--frames",
-            "1",
-            "--size",
-            "64x36",
-            "--reference-samples",
-            "2",
-        ])
+        .args("bake static --frames 1 --size 64x36 --reference-samples 2".split(' '))
         .arg("--cache")
         .arg(folder.path().join("cache"))
         .arg("--out")
