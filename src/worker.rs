@@ -86,7 +86,8 @@ pub trait Runner: Send {
 pub struct GpuRunner {
     wanted: Option<String>,
     reader: FileReader,
-    gpu: Option<Arc<Gpu>>,
+    /// Most jobs of a service are of the same few presets, so it keeps their passes.
+    gpu: Option<Gpu>,
 }
 
 impl GpuRunner {
@@ -94,11 +95,11 @@ impl GpuRunner {
     /// the same, and fails each job with the reason: a service without a driver can still show its history.
     pub fn new(wanted: Option<String>, reader: FileReader) -> (Self, Result<AdapterInfo, GpuError>) {
         // A CPU adapter starts its threads here.
-        let open = || {
+        let give_way_and_open = || {
             give_way();
-            Gpu::open(wanted.as_deref())
+            open(wanted.as_deref())
         };
-        let opened = thread::scope(|scope| scope.spawn(open).join());
+        let opened = thread::scope(|scope| scope.spawn(give_way_and_open).join());
         let opened = opened.unwrap_or_else(|panic| resume_unwind(panic));
         let gpu = opened.as_ref().ok().cloned();
         (Self { wanted, reader, gpu }, opened.map(|gpu| gpu.info()))
@@ -126,7 +127,7 @@ impl GpuRunner {
         // Taken, not borrowed: a device that failed, or that a panic left half-way through a frame, is not used again.
         let gpu = match self.gpu.take() {
             Some(gpu) => gpu,
-            None => Gpu::open(self.wanted.as_deref()).map_err(|error| RunError::Device(error.to_string()))?,
+            None => open(self.wanted.as_deref()).map_err(|error| RunError::Device(error.to_string()))?,
         };
         let result = work(&gpu);
         if !matches!(result, Err(RunError::Device(_))) {
@@ -134,6 +135,10 @@ impl GpuRunner {
         }
         result
     }
+}
+
+fn open(wanted: Option<&str>) -> Result<Gpu, GpuError> {
+    Ok(Gpu::open(wanted)?.caching())
 }
 
 /// Lets the threads that answer requests go before this one and all that it will start. On a CPU adapter a job keeps every core

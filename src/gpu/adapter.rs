@@ -79,10 +79,9 @@ impl Gpu {
             }
         };
         let variant = Variant {
-            workgroup: self.variant.workgroup,
-            workgroup_memory: self.variant.workgroup_memory,
             // Pipelines belong to a device.
             cache: None,
+            ..self.variant.clone()
         };
         Ok(Self {
             device,
@@ -128,6 +127,14 @@ impl Gpu {
             variant,
             ..self.clone()
         }
+    }
+
+    /// The same device, which compiles no pass twice.
+    pub fn caching(&self) -> Self {
+        self.with(Variant {
+            cache: Some(Default::default()),
+            ..self.variant.clone()
+        })
     }
 
     /// The workgroup of passes that leave it open: the variant's, else as tuned for this adapter, else a good guess.

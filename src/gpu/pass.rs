@@ -10,6 +10,7 @@ use super::{
     reflection::{Access, Binding, Reflection, UniformValue},
 };
 use crate::image::Extent;
+use sha2::{Digest, Sha256};
 use std::{
     collections::{BTreeMap, HashMap},
     sync::{Arc, Mutex, PoisonError},
@@ -33,12 +34,39 @@ pub struct Variant {
     pub workgroup: Option<Workgroup>,
     /// Whether passes that can do so keep what a workgroup's invocations read in common in its own memory.
     pub workgroup_memory: Option<bool>,
-    /// Every pass compiled, for whoever compiles the same ones again and again. It only grows.
+    /// Passes compiled before, for whoever compiles the same ones again and again.
     pub cache: Option<Arc<PassCache>>,
 }
 
-/// Compiled passes, by their text, overrides and workgroup.
-pub type PassCache = Mutex<HashMap<String, Pass>>;
+/// Compiled passes, by the hash of their text, overrides and workgroup.
+#[derive(Debug)]
+pub struct PassCache<P = Pass>(Mutex<HashMap<[u8; 32], P>>);
+
+/// Where there are more, all are forgotten: whoever posts jobs may try parameters without end.
+const MAX_CACHED: usize = 512;
+
+impl<P> Default for PassCache<P> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<P: Clone> PassCache<P> {
+    fn get_or_compile(&self, key: &str, compile: impl FnOnce() -> Result<P, GpuError>) -> Result<P, GpuError> {
+        let key = Sha256::digest(key).into();
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pass) = known().get(&key) {
+            return Ok(pass.clone());
+        }
+        let pass = compile()?;
+        let mut known = known();
+        if known.len() >= MAX_CACHED {
+            known.clear();
+        }
+        known.insert(key, pass.clone());
+        Ok(pass)
+    }
+}
 
 /// A resource that a name can be bound to.
 #[derive(Clone, Copy, Debug)]
@@ -77,17 +105,14 @@ impl Pass {
     /// named `WORKGROUP_X` and `WORKGROUP_Y` are the adapter's.
     pub fn new(gpu: &Gpu, label: &str, sources: &[&str], overrides: &[(&str, f64)]) -> Result<Self, GpuError> {
         let source = sources.join("\n");
-        let Some(cache) = &gpu.variant().cache else {
-            return Self::compile(gpu, label, &source, overrides);
-        };
-        let key = format!("{overrides:?} {:?} {source}", gpu.workgroup());
-        let known = || cache.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pass) = known().get(&key) {
-            return Ok(pass.clone());
+        let compile = || Self::compile(gpu, label, &source, overrides);
+        match &gpu.variant().cache {
+            Some(cache) => cache.get_or_compile(
+                &format!("{label} {overrides:?} {:?} {source}", gpu.workgroup()),
+                compile,
+            ),
+            None => compile(),
         }
-        let pass = Self::compile(gpu, label, &source, overrides)?;
-        known().insert(key, pass.clone());
-        Ok(pass)
     }
 
     fn compile(gpu: &Gpu, label: &str, source: &str, overrides: &[(&str, f64)]) -> Result<Self, GpuError> {
@@ -395,5 +420,41 @@ impl Pass {
     fn uniform_buffer(&self, gpu: &Gpu, name: &str, fields: &[(&str, UniformValue)]) -> Result<wgpu::Buffer, GpuError> {
         let buffer = self.binding(name)?.uniform_buffer(gpu, name, fields);
         buffer.map_err(|problem| self.error(problem))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pass_is_compiled_once_until_there_are_too_many() {
+        let cache = PassCache::<usize>::default();
+        let mut n_compiled = 0;
+        let mut get = |key: usize| {
+            let compile = || {
+                n_compiled += 1;
+                Ok(n_compiled)
+            };
+            cache.get_or_compile(&key.to_string(), compile).unwrap()
+        };
+        assert_eq!([0, 1, 0, 1].map(&mut get), [1, 2, 1, 2]);
+        (2..MAX_CACHED).for_each(|key| drop(get(key)));
+        assert_eq!(get(0), 1);
+        assert_eq!(get(MAX_CACHED), MAX_CACHED + 1);
+        assert_eq!(get(0), MAX_CACHED + 2, "all were forgotten");
+    }
+
+    #[test]
+    fn what_does_not_compile_is_tried_again() {
+        let cache = PassCache::<usize>::default();
+        let fails = || {
+            Err(GpuError::Pass {
+                pass: "resolve".to_owned(),
+                message: "no such override".to_owned(),
+            })
+        };
+        cache.get_or_compile("", fails).unwrap_err();
+        assert_eq!(cache.get_or_compile("", || Ok(1)).unwrap(), 1);
     }
 }

@@ -26,7 +26,7 @@ pub use scenario::Hazard;
 pub use sketch::{Sketch, SketchedFrame, Weakness};
 
 use crate::{
-    gpu::{Gpu, GpuError, Variant},
+    gpu::{Gpu, GpuError},
     image::Extent,
     run::{PresetSpec, RunError},
     taa::{
@@ -272,16 +272,9 @@ struct Devices {
 impl Devices {
     fn of(gpu: &Gpu) -> Result<Self, RunError> {
         // Hazards share recipes, and recipes passes.
-        let cached = |gpu: &Gpu| {
-            gpu.with(Variant {
-                workgroup: gpu.variant().workgroup,
-                workgroup_memory: gpu.variant().workgroup_memory,
-                cache: Some(Default::default()),
-            })
-        };
-        let mut gpus = vec![cached(gpu)];
+        let mut gpus = vec![gpu.caching()];
         if gpu.is_cpu() {
-            gpus.push(cached(&gpu.second()?));
+            gpus.push(gpu.second()?.caching());
         }
         let n_running = Mutex::new(vec![0; gpus.len()]);
         Ok(Self { gpus, n_running })

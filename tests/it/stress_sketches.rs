@@ -64,10 +64,7 @@ proptest! {
 #[test]
 fn the_gpu_stands_any_frames() {
     // Passes are compiled once a recipe.
-    let gpu = gpu().with(Variant {
-        cache: Some(Default::default()),
-        ..Variant::default()
-    });
+    let gpu = gpu().caching();
     let mut runner = TestRunner::new(ProptestConfig {
         cases: 48,
         failure_persistence: None,
