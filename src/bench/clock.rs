@@ -3,6 +3,7 @@
 use crate::{
     gpu::{Gpu, GpuError, Readback, ReadbackPool, Timer},
     run::process_cpu_ms,
+    taa::Step,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -38,11 +39,13 @@ impl Clock {
 /// What one submission cost.
 pub struct Cost {
     pub ms: f64,
+    /// Of each pass, where times are timestamps; a CPU adapter's passes are timed by [`time_again`].
     pub passes_ms: Vec<f64>,
     pub readback: Readback,
 }
 
-/// Records, submits and waits. Recording is not part of the cost: it is the same whatever the shaders do.
+/// Records, submits and waits. Recording is not part of the cost: it is the same whatever the shaders do. Nor are timestamps
+/// on a CPU adapter, which finishes all work for each of them.
 pub fn cost<T>(
     gpu: &Gpu,
     timer: &mut Timer,
@@ -50,6 +53,12 @@ pub fn cost<T>(
 ) -> Result<(Cost, T), GpuError> {
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let mut readback = ReadbackPool::default().begin();
+    let clock = Clock::of(gpu);
+    let mut untimed = Timer::new(gpu, 0);
+    let timer = match clock {
+        Clock::ProcessCpu => &mut untimed,
+        Clock::GpuTimestamps => timer,
+    };
     let recorded = record(&mut encoder, timer, &mut readback)?;
     let times = timer.finish(gpu, &mut encoder, &mut readback);
     let commands = encoder.finish();
@@ -60,7 +69,7 @@ pub fn cost<T>(
     let cpu_ms = process_cpu_ms() - before;
     let passes_ms = times.read(&readback)?;
     let cost = Cost {
-        ms: match Clock::of(gpu) {
+        ms: match clock {
             Clock::ProcessCpu => cpu_ms,
             Clock::GpuTimestamps => passes_ms.iter().sum(),
         },
@@ -68,4 +77,18 @@ pub fn cost<T>(
         readback,
     };
     Ok((cost, recorded))
+}
+
+/// Runs passes again that ran before, and what they count anew, to time each: milliseconds of wall time.
+pub fn time_again(gpu: &Gpu, timer: &mut Timer, steps: &[Step]) -> Result<Vec<f64>, GpuError> {
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let mut readback = ReadbackPool::default().begin();
+    for step in steps {
+        step.record(&mut encoder, timer);
+    }
+    let times = timer.finish(gpu, &mut encoder, &mut readback);
+    let submission = gpu.scope("timing passes", || gpu.queue.submit([encoder.finish()]))?;
+    readback.map();
+    gpu.wait(submission)?;
+    times.read(&readback)
 }

@@ -4,7 +4,7 @@
 
 use super::{
     BenchError, BenchSpec,
-    clock::{Cost, cost},
+    clock::{Clock, Cost, cost, time_again},
     copy::Copy,
     sweep::Setting,
 };
@@ -14,7 +14,7 @@ use crate::{
     run::{Observer, RunError, process_cpu_ms},
     sequence::{Channels, Frame, Sequence},
     statistics::median,
-    taa::{EDGES_PASS, Inputs, Preparation, Recorder, Repeat, Resolver, SETTLE_PASS, Skip, Watch},
+    taa::{EDGES_PASS, Inputs, Preparation, Recorder, Repeat, Resolver, SETTLE_PASS, Skip, Step, Watch},
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -132,10 +132,11 @@ struct Prepared {
     colors: BTreeMap<Preparation, (Share, f64)>,
 }
 
-/// What the passes of a frame must move at the least: every image and buffer they bind, once, and twice what they read and
-/// write. Bytes.
+/// The passes of a frame, and what they must move at the least: every image and buffer they bind, once, and twice what they
+/// read and write. Bytes.
 #[derive(Debug, Default)]
 struct Traffic {
+    steps: Vec<Step>,
     /// Of passes over every pixel.
     whole: u64,
     /// Of passes over listed tiles, if all were.
@@ -161,15 +162,34 @@ impl Traffic {
             watch: Some(self),
         }
     }
+
+    /// Milliseconds of each of `passes`, in which those stand that were recorded: 0 of one that had nothing to do.
+    fn passes_ms(
+        &self,
+        gpu: &Gpu,
+        timer: &mut Timer,
+        cost: &Cost,
+        passes: impl Iterator<Item = &'static str>,
+    ) -> Result<Vec<(&'static str, f64)>, GpuError> {
+        match Clock::of(gpu) {
+            Clock::GpuTimestamps => Ok(passes.zip(cost.passes_ms.iter().copied()).collect()),
+            Clock::ProcessCpu => {
+                let times_ms = time_again(gpu, timer, &self.steps)?;
+                let mut recorded = self.steps.iter().map(Step::label).zip(times_ms).peekable();
+                let mut ms_of = |pass| recorded.next_if(|(label, _)| *label == pass).map_or(0.0, |(_, ms)| ms);
+                Ok(passes.map(|pass| (pass, ms_of(pass))).collect())
+            }
+        }
+    }
 }
 
 impl Watch for Traffic {
     fn recorded(
         &mut self,
-        _: &Gpu,
-        _: &mut wgpu::CommandEncoder,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
         dispatch: &Dispatch<'_>,
-        _: &[&wgpu::Buffer],
+        counters: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
         let n_bytes = dispatch.n_bytes();
         match (dispatch.label(), dispatch.is_indirect()) {
@@ -178,13 +198,14 @@ impl Watch for Traffic {
             (_, true) => self.listed += n_bytes,
             (_, false) => self.whole += n_bytes,
         }
-        Ok(())
+        self.steps.recorded(gpu, encoder, dispatch, counters)
     }
 }
 
 /// A frame of one setting.
 struct Resolved {
-    cost: Cost,
+    ms: f64,
+    passes_ms: Vec<(&'static str, f64)>,
     n_bytes: f64,
     skipped: f64,
 }
@@ -333,15 +354,15 @@ impl Side {
         let (cost, ()) = cost(gpu, &mut self.timer, |encoder, timer, _| {
             self.inputs.record(&mut traffic.recorder(gpu, encoder, timer))
         })?;
+        // Merging several samples comes first, once for all colours.
+        let merge = (self.n_merges > 0).then_some("merge");
+        let prepare = self.preparations.iter().map(|_| "prepare");
+        let passes_ms = traffic.passes_ms(gpu, &mut self.timer, &cost, merge.into_iter().chain(prepare))?;
         let n = self.preparations.len();
         let n_bytes = (traffic.whole as f64 + self.inputs.changed_share() * traffic.listed as f64) / n as f64;
         let share = |(index, &key): (usize, &Preparation)| {
-            // Merging several samples comes first, once for all colours.
-            let merge = (self.n_merges > 0).then_some(("merge", 0));
-            let timed = merge.into_iter().chain([("prepare", self.n_merges + index)]);
-            let passes_ms = timed
-                .filter_map(|(pass, place)| Some((pass, *cost.passes_ms.get(place)?)))
-                .collect();
+            let (merges, prepares) = passes_ms.split_at(passes_ms.len().min(self.n_merges));
+            let passes_ms = merges.iter().chain(prepares.get(index)).copied().collect();
             let ms = cost.ms / n as f64;
             (key, (Share { ms, passes_ms }, n_bytes))
         };
@@ -393,20 +414,20 @@ impl<'a> Lane<'a> {
             (inputs.changed_share(), traffic.changed),
         ];
         Ok(Resolved {
+            ms: cost.ms,
+            passes_ms: traffic.passes_ms(gpu, &mut self.timer, &cost, self.passes.iter().copied())?,
             n_bytes: parts.iter().map(|&(share, n_bytes)| share * n_bytes as f64).sum(),
             skipped,
-            cost,
         })
     }
 
     fn add(&mut self, resolved: Resolved, prepared: &Prepared) {
         let (prepare, prepare_bytes) = &prepared.colors[&self.setting.recipe.preparation()];
-        self.frames_ms.push(prepare.ms + resolved.cost.ms);
+        self.frames_ms.push(prepare.ms + resolved.ms);
         self.uploads_ms.push(prepared.upload_ms);
         self.n_bytes.push(prepare_bytes + resolved.n_bytes);
         self.skipped.push(resolved.skipped);
-        let own = self.passes.iter().copied().zip(resolved.cost.passes_ms);
-        for (pass, ms) in prepare.passes_ms.iter().copied().chain(own) {
+        for (pass, ms) in prepare.passes_ms.iter().copied().chain(resolved.passes_ms) {
             self.passes_ms.entry(pass).or_default().push(ms);
         }
     }

@@ -46,11 +46,29 @@ pub trait Watch: std::fmt::Debug {
 /// A pass of a frame, kept to be recorded whenever one like it comes again.
 #[derive(Clone, Debug)]
 pub struct Step {
+    label: String,
     pass: Kept,
     counters: Vec<wgpu::Buffer>,
 }
 
 impl Step {
+    /// The label of its pass.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// Records it, timed.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, timer: &mut Timer) {
+        for counter in &self.counters {
+            encoder.clear_buffer(counter, 0, None);
+        }
+        let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(&self.label),
+            timestamp_writes: timer.time(),
+        });
+        self.pass.record(&mut compute);
+    }
+
     /// Records steps one after the other, untimed, in as few passes as their counters allow: a driver's pool keeps every command
     /// buffer that a submission ever took, and looks at each of them whenever it is used again.
     pub fn record_all<'s>(steps: impl Iterator<Item = &'s Self>, encoder: &mut wgpu::CommandEncoder) {
@@ -78,6 +96,7 @@ impl Watch for Vec<Step> {
         counters: &[&wgpu::Buffer],
     ) -> Result<(), GpuError> {
         self.push(Step {
+            label: dispatch.label().to_owned(),
             pass: dispatch.keep(),
             counters: counters.iter().map(|&counter| counter.clone()).collect(),
         });
@@ -149,7 +168,11 @@ impl Recorder<'_> {
     pub(super) fn record_unless(&mut self, is_repeat: bool, dispatch: &Dispatch<'_>) -> Result<(), GpuError> {
         match (is_repeat, self.repeat) {
             (true, Repeat::Timed(n)) => {
-                (0..n).for_each(|_| dispatch.record_nothing(self.encoder, self.timer.time()));
+                for _ in 0..n {
+                    if let Some(timestamps) = self.timer.time() {
+                        dispatch.record_nothing(self.encoder, timestamps);
+                    }
+                }
                 Ok(())
             }
             _ => self.record(dispatch),

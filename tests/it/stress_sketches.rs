@@ -3,7 +3,6 @@
 
 use crate::support::{gpu, service::reader};
 use afterimage::{
-    gpu::Variant,
     sequence::Sequence,
     stress::{Sketch, SketchedFrame},
     taa::{PRESETS, Precision, Preset, Recipe},
