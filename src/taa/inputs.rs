@@ -489,8 +489,13 @@ impl Prepared {
             ("with_albedo", f64::from(u8::from(key.albedo && channels.albedo))),
             ("guards", f64::from(u8::from(key.guards == Guards::On))),
         ];
-        let pass = |grid| {
-            let sources: Vec<_> = [PREPARE].into_iter().chain(SHARED).chain([grid]).collect();
+        let rows = tiles::rows_wgsl(gpu);
+        let pass = |grid: &'static str| {
+            let sources: Vec<_> = [PREPARE]
+                .into_iter()
+                .chain(SHARED)
+                .chain([grid, rows.as_str()])
+                .collect();
             let sources = planted(fault, "prepare", &sources)?;
             let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
             Pass::new(gpu, "prepare", &sources, &overrides)
@@ -498,6 +503,7 @@ impl Prepared {
         let pass = TiledPass {
             every_pixel: pass(tiles::EVERY_PIXEL)?,
             listed: tracks.then(|| pass(tiles::LISTED)).transpose()?,
+            rows: tiles::rows(gpu),
         };
         gpu.scope("making room for a colour", || Self {
             pass,

@@ -20,6 +20,8 @@ pub enum Repeat {
 pub(super) struct TiledPass {
     pub every_pixel: Pass,
     pub listed: Option<Pass>,
+    /// How many pixels of a column an invocation of either takes.
+    pub rows: u32,
 }
 
 /// Which tiles of a frame a pass must run over.
@@ -136,14 +138,15 @@ impl Recorder<'_> {
         bind: impl Fn(&'p Pass) -> Invocation<'p>,
     ) -> Result<(), GpuError> {
         let listed = pass.listed.as_ref().zip(cover);
-        let listed = listed.filter(|(listed, cover)| cover.list.fits(listed));
+        let listed = listed.filter(|(listed, cover)| cover.list.fits(listed, pass.rows));
         let is_worth_listing = listed.is_some_and(|(_, cover)| cover.is_worth_listing);
         let warms_up = matches!(self.repeat, Repeat::WarmUp);
         if let Some((listed, cover)) = listed.filter(|_| is_worth_listing || warms_up) {
             self.record_listed(bind(listed), cover.list, counters)?;
         }
         if !is_worth_listing || warms_up {
-            let dispatch = bind(&pass.every_pixel).over(self.gpu, extent)?;
+            let invocations = Extent::new(extent.width, extent.height.div_ceil(pass.rows));
+            let dispatch = bind(&pass.every_pixel).over(self.gpu, invocations)?;
             self.record_counting(&dispatch, counters)?;
         }
         Ok(())

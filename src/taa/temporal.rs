@@ -48,6 +48,7 @@ const SHARED: [&str; 17] = [
 const RESOLVE: &str = include_str!("../../shaders/taa/temporal/resolve.wgsl");
 const SHARPEN: &str = include_str!("../../shaders/taa/temporal/sharpen.wgsl");
 const NEAR_CACHED: &str = include_str!("../../shaders/taa/temporal/near_cached.wgsl");
+const NEAR_ROWS: &str = include_str!("../../shaders/taa/temporal/near_rows.wgsl");
 const NEAR_SHARED: &str = include_str!("../../shaders/taa/temporal/near_shared.wgsl");
 const HISTORY_F16: &str = include_str!("../../shaders/taa/temporal/history_f16.wgsl");
 const HISTORY_F32: &str = include_str!("../../shaders/taa/temporal/history_f32.wgsl");
@@ -86,12 +87,15 @@ impl Builder<'_> {
             // Not overrides: naga takes one array at most whose size depends on some.
             format!("const GROUP_WIDTH: u32 = {width}u;\nconst GROUP_HEIGHT: u32 = {height}u;\n{NEAR_SHARED}")
         };
-        let gathers = self.gpu.uses_workgroup_memory() && looks_one_texel_far(self.recipe);
-        let every_pixel = gathers.then(|| near([x, y]));
+        if !looks_one_texel_far(self.recipe) {
+            return self.compile_tiled(name, text, [NEAR_CACHED; 2]);
+        }
+        if !self.gpu.uses_workgroup_memory() {
+            return self.compile_tiled(name, text, [NEAR_ROWS; 2]);
+        }
         // Tiles that follow one another in a list need not lie beside each other, and a piece of one must be whole rows.
-        let listed = (gathers && x <= TILE && x * y >= TILE).then(|| near([TILE, x * y / TILE]));
-        let near = [&every_pixel, &listed].map(|near| near.as_deref().unwrap_or(NEAR_CACHED));
-        self.compile_tiled(name, text, near)
+        let listed = (x <= TILE && x * y >= TILE).then(|| near([TILE, x * y / TILE]));
+        self.compile_tiled(name, text, [&near([x, y]), listed.as_deref().unwrap_or(NEAR_CACHED)])
     }
 
     /// `near` for every pixel, and for listed tiles.
@@ -100,6 +104,7 @@ impl Builder<'_> {
         Ok(TiledPass {
             every_pixel: compile(tiles::EVERY_PIXEL, near[0])?,
             listed: self.keeps_tiles.then(|| compile(tiles::LISTED, near[1])).transpose()?,
+            rows: tiles::rows(self.gpu),
         })
     }
 
@@ -109,7 +114,9 @@ impl Builder<'_> {
             Precision::F16 => HISTORY_F16,
             Precision::F32 => HISTORY_F32,
         };
-        let sources: Vec<_> = [text].into_iter().chain(SHARED).chain([store]).chain(grid).collect();
+        let rows = tiles::rows_wgsl(self.gpu);
+        let shared = SHARED.into_iter().chain([store, &rows]);
+        let sources: Vec<_> = [text].into_iter().chain(shared).chain(grid).collect();
         let sources = planted(self.fault, name, &sources)?;
         let sources: Vec<_> = sources.iter().map(|source| &**source).collect();
         let overrides = [&self.recipe.overrides(), overrides].concat();

@@ -48,6 +48,22 @@ const SETTLE: &str = include_str!("../../shaders/taa/tiles/settle.wgsl");
 pub const LISTED: &str = include_str!("../../shaders/taa/tiles/listed.wgsl");
 pub const EVERY_PIXEL: &str = include_str!("../../shaders/taa/tiles/every_pixel.wgsl");
 
+/// How many pixels of a column an invocation of such passes takes. On a CPU adapter two: what lies beside both is then read once, and
+/// of a list a tile's place once for both.
+pub fn rows(gpu: &Gpu) -> u32 {
+    let workgroup = gpu.workgroup();
+    let of_span = tiles_a_span(workgroup) * TILE * TILE;
+    match !gpu.uses_workgroup_memory() && of_span.is_multiple_of(2 * workgroup.n_invocations()) {
+        true => 2,
+        false => 1,
+    }
+}
+
+/// The same for WGSL: not an override, on which the size of an array may not depend.
+pub fn rows_wgsl(gpu: &Gpu) -> String {
+    format!("const ROWS: u32 = {}u;", rows(gpu))
+}
+
 /// A combination of flags that no tile has.
 const NO_TILE: u32 = !0;
 
@@ -93,8 +109,9 @@ pub struct List {
     /// Where its own begins.
     offset: u64,
     tiles: Texture,
-    /// Of the passes that it is for.
+    /// Of the passes that it is for, and how many pixels an invocation of theirs takes.
     workgroup: Workgroup,
+    rows: u32,
 }
 
 impl Recipe {
@@ -198,7 +215,7 @@ impl Tiles {
         let flag = |is_set| f64::from(u8::from(is_set));
         let sources = planted(builder.fault, CLASSIFY_PASS, &[CLASSIFY])?;
         let lists_beside = [("lists_beside", flag(recipe.sharpen != Sharpen::None))];
-        let classify = Pass::new(gpu, CLASSIFY_PASS, &[&*sources[0]], &lists_beside)?;
+        let classify = Pass::new(gpu, CLASSIFY_PASS, &[&*sources[0], &rows_wgsl(gpu)], &lists_beside)?;
         let settles = [
             ("notes_settled", flag(recipe.keeps_carried_tiles())),
             ("keeps_edges", flag(recipe.finds_edges())),
@@ -340,6 +357,7 @@ impl List {
             offset: (4 * HEAD * index) as u64,
             tiles: Texture::new(gpu, "listed tiles", extent, wgpu::TextureFormat::R32Uint),
             workgroup,
+            rows: rows(gpu),
         })
     }
 
@@ -347,7 +365,7 @@ impl List {
     pub fn write(&self, gpu: &Gpu, tiles: impl Iterator<Item = [u32; 2]>) {
         let mut places: Vec<u32> = tiles.map(|[x, y]| (x | y << 16) + 1).collect();
         let (n_tiles, tiles_a_span) = (places.len() as u32, tiles_a_span(self.workgroup));
-        let workgroups_a_span = tiles_a_span * TILE * TILE / self.workgroup.n_invocations();
+        let workgroups_a_span = tiles_a_span * TILE * TILE / (self.workgroup.n_invocations() * self.rows);
         let head = [workgroups_a_span, n_tiles.div_ceil(tiles_a_span), 1, n_tiles];
         gpu.queue
             .write_buffer(&self.heads, self.offset, bytemuck::cast_slice(&head));
@@ -356,9 +374,9 @@ impl List {
             .write_u32(gpu, &Image::from_pixels(self.tiles.extent(), places));
     }
 
-    /// Whether it is for a pass: one with other workgroups would read it otherwise.
-    pub fn fits(&self, pass: &Pass) -> bool {
-        pass.workgroup() == self.workgroup
+    /// Whether it is for a pass, whose invocations take `rows` pixels: one with other workgroups would read it otherwise.
+    pub fn fits(&self, pass: &Pass, rows: u32) -> bool {
+        (pass.workgroup(), rows) == (self.workgroup, self.rows)
     }
 
     /// What listed.wgsl reads.

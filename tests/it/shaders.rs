@@ -51,6 +51,7 @@ fn module_of(pass: &Path, files: &[PathBuf]) -> String {
             "listed.wgsl"
         },
         "near_shared.wgsl",
+        "near_rows.wgsl",
         "classes.wgsl",
         "shares.wgsl",
         "strips_together.wgsl",
@@ -71,6 +72,9 @@ fn module_of(pass: &Path, files: &[PathBuf]) -> String {
         folder.ends_with("common") || is_grid || of_recipe && folder.parent().unwrap().ends_with("taa")
     });
     module.extend(needed.map(|path| format!("\n{}", fs::read_to_string(path).unwrap())));
+    if module.contains("ROWS") {
+        module += "const ROWS: u32 = 2u;";
+    }
     // A metric's pass is compiled with the files that it, or one of these, calls.
     let mut metrics: Vec<_> = metrics.iter().map(|path| fs::read_to_string(path).unwrap()).collect();
     while let Some(i) = metrics
@@ -112,11 +116,15 @@ fn every_pass_is_valid() {
         ),
         (&*near, include_str!("../../shaders/taa/temporal/near_cached.wgsl")),
         (
+            include_str!("../../shaders/taa/temporal/near_rows.wgsl"),
+            include_str!("../../shaders/taa/temporal/near_cached.wgsl"),
+        ),
+        (
             include_str!("../../shaders/metrics/strips_together.wgsl"),
             include_str!("../../shaders/metrics/strips_apart.wgsl"),
         ),
     ];
-    let mut n_swapped = [0; 3];
+    let mut n_swapped = [0; 4];
     for pass in passes {
         let module = module_of(pass, &files);
         if let Err(error) = parse(&module) {

@@ -40,8 +40,9 @@ fn same_both_ways(recipe: &Recipe, precision: Precision, frames: impl Iterator<I
     exact.into_iter().map(|(.., kept)| kept).collect()
 }
 
-/// What a workgroup's pixels read in common comes from its memory on a GPU and from caches on a CPU: here both, over every
-/// pixel and over listed tiles, in groups that end within the image and beyond it: both dilations, three boxes, and the input filter.
+/// What pixels read in common comes from a workgroup's memory on a GPU, and is read by an invocation for two pixels on a CPU: here
+/// both, over every pixel and over listed tiles, in groups that end within the image and beyond it: both dilations, three boxes,
+/// and the input filter.
 #[test]
 fn workgroups_share_what_they_read_to_the_bit() {
     for preset in ["smaa1tx", "inside", "karis2014", "salvi2016"] {
@@ -66,23 +67,32 @@ fn workgroups_share_what_they_read_to_the_bit() {
                 let shape = Workgroup::new(x, y);
                 assert!(with(true, shape) == alone, "{preset} {skip:?} {shape}");
             }
+            // Groups of a tile's size leave each invocation one pixel.
+            assert!(with(false, Workgroup::new(16, 16)) == alone, "{preset} {skip:?}");
         }
     }
 }
 
-/// Benchmarks of several shapes prepare a frame once for all: what was listed for one shape must not be read as if for another.
+/// Benchmarks of several shapes prepare a frame once for all: what was listed for one shape, or for invocations of two pixels, must
+/// not be read as if for another.
 #[test]
 fn workgroups_of_another_shape_leave_nothing_out() {
     let recipe = &Preset::find("sobel2018").unwrap().recipe;
     let frames = (0..8).map(|index| partly_still(index, false));
     let off = resolve_skipping(recipe, options(Precision::F16, Skip::Off), frames.clone());
-    let with = |(x, y)| {
+    let with = |(x, y, workgroup_memory)| {
         gpu().with(Variant {
             workgroup: Some(Workgroup::new(x, y)),
-            ..Variant::default()
+            workgroup_memory: Some(workgroup_memory),
+            cache: None,
         })
     };
-    for shapes in [[(64, 1), (8, 8)], [(8, 8), (64, 1)]] {
+    for shapes in [
+        [(64, 1, false), (8, 8, false)],
+        [(8, 8, false), (64, 1, false)],
+        [(64, 1, false), (64, 1, true)],
+        [(64, 1, true), (64, 1, false)],
+    ] {
         let [preparing, gpu] = shapes.map(with);
         let options = options(Precision::F16, Skip::Exact);
         let exact = resolve_between(&preparing, &gpu, recipe, options, frames.clone());

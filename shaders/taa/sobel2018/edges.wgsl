@@ -15,7 +15,12 @@ fn features(p: vec2i) -> vec3f {
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(invocation: Invocation) {
-    let id = pixel_of(invocation);
+    for (var row = 0u; row < ROWS; row++) {
+        find_edge(pixel_of(invocation, row));
+    }
+}
+
+fn find_edge(id: vec2u) {
     if (any(id >= textureDimensions(color))) {
         return;
     }

@@ -13,7 +13,12 @@ override WORKGROUP_Y: u32 = 8u;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(invocation: Invocation) {
-    let id = pixel_of(invocation);
+    for (var row = 0u; row < ROWS; row++) {
+        stabilise(pixel_of(invocation, row));
+    }
+}
+
+fn stabilise(id: vec2u) {
     if (any(id >= textureDimensions(color))) {
         return;
     }

@@ -1,7 +1,8 @@
-// What lies beside a pixel, at most one texel away, read where it is wanted. Stands in for near_shared.wgsl where caches are
-// faster than a workgroup's own memory, and in passes that look farther.
+// What lies beside a pixel, at most one texel away, read where it is wanted: in passes that look farther, or not at all.
 
 fn gather_near(invocation: Invocation) {}
+
+fn step_down() {}
 
 fn near_color(p: vec2i, o: vec2i) -> vec3f {
     return fetch(color, p + o);

@@ -12,6 +12,11 @@ const NEIGHBOURHOOD_SHRUNK: u32 = 6u;
 @group(0) @binding(22) var window_means: texture_2d<f32>;
 @group(0) @binding(23) var window_variances: texture_2d<f32>;
 
+// Whether colours beside a pixel are read.
+fn looks_beside() -> bool {
+    return neighbourhood != NEIGHBOURHOOD_NONE || input_filter == INPUT_BLACKMAN_HARRIS;
+}
+
 fn to_space(rgb: vec3f) -> vec3f {
     if (space == SPACE_YCOCG) {
         return rgb_to_ycocg(rgb);

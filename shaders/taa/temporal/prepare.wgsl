@@ -15,7 +15,12 @@ override guards: bool;
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(invocation: Invocation) {
-    let id = pixel_of(invocation);
+    for (var row = 0u; row < ROWS; row++) {
+        prepare(pixel_of(invocation, row));
+    }
+}
+
+fn prepare(id: vec2u) {
     if (any(id >= textureDimensions(color))) {
         return;
     }

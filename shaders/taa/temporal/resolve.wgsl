@@ -27,7 +27,15 @@ fn accumulated(p: vec2i, at: Reprojection, unrectified: vec3f, current: vec3f, n
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(invocation: Invocation) {
     gather_near(invocation);
-    let id = pixel_of(invocation);
+    resolve(pixel_of(invocation, 0u));
+    // No loop: compilers would keep it, and what was gathered could not stay in registers.
+    if (ROWS == 2u) {
+        step_down();
+        resolve(pixel_of(invocation, 1u));
+    }
+}
+
+fn resolve(id: vec2u) {
     if (any(id >= textureDimensions(shown))) {
         return;
     }

@@ -43,7 +43,12 @@ fn contrast_limited_lobe(lo: vec3f, hi: vec3f) -> f32 {
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(invocation: Invocation) {
-    let id = pixel_of(invocation);
+    for (var row = 0u; row < ROWS; row++) {
+        sharpen_pixel(pixel_of(invocation, row));
+    }
+}
+
+fn sharpen_pixel(id: vec2u) {
     if (any(id >= textureDimensions(shown))) {
         return;
     }

@@ -103,7 +103,7 @@ fn place_in(list: u32) -> vec2u {
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     if (all(id.xy == vec2u(0u))) {
-        let workgroups_a_span = tiles_a_span() * TILE * TILE / (WORKGROUP_X * WORKGROUP_Y);
+        let workgroups_a_span = tiles_a_span() * TILE * TILE / (WORKGROUP_X * WORKGROUP_Y * ROWS);
         for (var list = COMPUTED; list <= HOPEFUL; list++) {
             atomicStore(&heads[list * HEAD], workgroups_a_span);
             atomicStore(&heads[list * HEAD + 2u], 1u);

@@ -1,6 +1,7 @@
 // A pass over the tiles of a list, which classify.wgsl or the host (src/taa/tiles.rs) made. Stands in for every_pixel.wgsl.
 // A workgroup is a piece of a span: of as many tiles, one after the other in the list, as make the span as wide as the workgroup.
-// Neighbours in the list are mostly neighbours in the image, and CPU adapters are fast only where they walk along rows.
+// Neighbours in the list are mostly neighbours in the image, and CPU adapters are fast only where they walk along rows. An
+// invocation takes ROWS pixels, one below the other.
 
 // Of every tile x | y << 16, plus one, row by row. A texture, because CPU adapters read buffers lane by lane. What follows the last
 // tile in its span is 0, or a tile of an earlier frame: computed anew or twice, it is what it was. A pass
@@ -21,15 +22,16 @@ fn tile_at(place: u32) -> vec2u {
     return TILE * vec2u(tile & 0xffffu, tile >> 16u);
 }
 
-fn pixel_of(invocation: Invocation) -> vec2u {
+fn pixel_of(invocation: Invocation, row: u32) -> vec2u {
     let width = max(WORKGROUP_X, TILE);
     let index = invocation.workgroup.x * (WORKGROUP_X * WORKGROUP_Y) + invocation.local;
     let x = index % width;
-    return tile_at(invocation.workgroup.y * (width / TILE) + x / TILE) + vec2u(x % TILE, index / width);
+    let tile = tile_at(invocation.workgroup.y * (width / TILE) + x / TILE);
+    return tile + vec2u(x % TILE, index / width * ROWS + row);
 }
 
 // The first pixel of the invocation's workgroup, where that is as wide as a tile.
 fn corner_of(invocation: Invocation) -> vec2u {
-    let row = invocation.workgroup.x * (WORKGROUP_X * WORKGROUP_Y) / TILE;
+    let row = invocation.workgroup.x * (WORKGROUP_X * WORKGROUP_Y * ROWS) / TILE;
     return tile_at(invocation.workgroup.y) + vec2u(0u, row);
 }

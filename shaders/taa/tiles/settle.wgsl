@@ -32,7 +32,12 @@ fn edges_differ(p: vec2i) -> bool {
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn main(invocation: Invocation) {
-    let id = pixel_of(invocation);
+    for (var row = 0u; row < ROWS; row++) {
+        settle(pixel_of(invocation, row));
+    }
+}
+
+fn settle(id: vec2u) {
     if (any(id >= textureDimensions(stored))) {
         return;
     }
