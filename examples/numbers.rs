@@ -25,7 +25,8 @@ use afterimage::{
 use std::{collections::BTreeSet, path::Path, sync::Mutex, time::Instant};
 
 fn main() -> anyhow::Result<()> {
-    let gpu = Gpu::open(None)?;
+    // As in a service, whose first job compiles what the next ones find.
+    let gpu = Gpu::open(None)?.caching();
     println!("adapter: {:?}\n", gpu.info());
     for path in std::env::args().skip(1) {
         let sequence = Sequence::open(Path::new(&path), &FileReader::new(Backend::Auto, Limits::default()))?;
@@ -136,7 +137,7 @@ fn overlap(gpu: &Gpu, sequence: &Sequence) -> anyhow::Result<()> {
     let one = ids.iter().position(|id| *id == "karis2014").unwrap_or(0);
     for presets in [&ids[..], &ids[one..=one]] {
         let spec = spec(presets, Precision::F16);
-        // Once to warm the driver's pipeline cache.
+        // Once to compile its passes.
         run::execute(&spec, sequence, gpu, &Keep::default())?;
         let keep = Keep::default();
         let start = Instant::now();

@@ -1,8 +1,9 @@
 // What lies beside an invocation's pixels, at most one texel away, read once for all of them: what is below one is beside the
-// next. On a CPU nine reads of a texel cost more than all else that a resolve does. Stands in for near_cached.wgsl, to the same
-// bits; `p` is the pixel that the invocation has come to.
+// next. For CPU adapters, where reading the nine is much of what a resolve costs. Stands in for near_cached.wgsl, to the same bits;
+// `p` is the pixel that the invocation has come to.
 
-// Three columns of texels, from the one above the first pixel to the one below the last.
+// Three columns of texels, from the one above the first pixel to the one below the last. Every index is a constant once compilers
+// have unrolled what uses it, so that they stay in registers.
 const N_NEAR: u32 = 3u * (ROWS + 2u);
 
 var<private> near_colors: array<vec3f, N_NEAR>;
