@@ -1,7 +1,7 @@
 //! How linear colour becomes what a viewer sees. Declared once a sequence and stored with every result, because every
 //! display-referred metric depends on it.
 
-use super::srgb;
+use super::srgb::{self, Found};
 use crate::sequence::frame::Rgb;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Div, Mul};
@@ -58,17 +58,23 @@ impl Display {
     pub fn apply(&self, linear: Rgb) -> [f64; 3] {
         let mut planes = linear.map(|c| [c]);
         poison(&mut planes);
+        let mut shown = [[0.0]; 3];
         let mut planes = planes.map(|plane| plane.map(f64::from));
-        self.show(&mut planes);
-        planes.map(|[value]| value)
+        self.show(&mut planes, shown.each_mut(), &mut Found::default());
+        shown.map(|[value]| value)
     }
 
-    /// The same of `N` colours, poisoned already, in planes.
+    /// The same of `N` colours, poisoned already, in planes, which are left as they come.
     #[inline(always)]
-    pub(super) fn show<const N: usize>(&self, planes: &mut [[f64; N]; 3]) {
+    pub(super) fn show<const N: usize>(
+        &self,
+        planes: &mut [[f64; N]; 3],
+        shown: [&mut [f64; N]; 3],
+        found: &mut Found<N>,
+    ) {
         self.expose(planes);
-        for plane in planes {
-            srgb::encode(plane);
+        for (plane, shown) in planes.iter_mut().zip(shown) {
+            srgb::encode(plane, shown, found);
         }
     }
 

@@ -117,7 +117,7 @@ fn pointwise(domain: Domain, reference: &Picture, test: &Picture, f: impl Fn(f64
             let rows = planes.each_mut().map(Vec::as_mut_slice);
             match domain {
                 Domain::Linear => picture.light(y, 0..width, rows),
-                Domain::Display | Domain::Luma | Domain::U8 => picture.show(y, 0..width, rows),
+                Domain::Display | Domain::Luma | Domain::U8 => picture.show([0..width, y..y + 1], rows),
             }
             planes
         });

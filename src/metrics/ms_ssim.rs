@@ -8,7 +8,6 @@ use super::{
     metric::Definition,
     quantity::{Domain, Quantity, Sums},
     reference::Pair,
-    shown::RowScratch,
     ssim::{BAND, Part, Rows, WINDOW, Windows, stabilisers},
 };
 use crate::image::{Extent, Image};
@@ -125,7 +124,7 @@ struct Scale<'a> {
 }
 
 impl Rows for Scale<'_> {
-    fn row<'a>(&'a self, y: usize, columns: Range<usize>, _: &'a mut RowScratch) -> &'a [f64] {
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, _: &'a mut Vec<f64>) -> &'a [f64] {
         &self.values[y * self.width..][columns]
     }
 }
@@ -160,7 +159,7 @@ pub(super) fn map(pair: &Pair) -> Image<f32> {
             .for_each(|(band, factors)| {
                 let rows = band * BAND..band * BAND + factors.len() / width;
                 let mut windows = Windows::new(images, stabilisers(Domain::Luma.peak()), &pair.same, i as u32);
-                windows.for_each_run(rows, width, part, |x, y, indices| {
+                windows.for_each_run(0..width, rows, part, |x, y, indices| {
                     let run = &mut factors[(y - band * BAND) * width + x..];
                     for (factor, index) in run.iter_mut().zip(indices) {
                         *factor = libm::pow(index.max(0.0), WEIGHTS[i]) as f32;
@@ -203,7 +202,7 @@ fn totals(pair: &Pair, images: [Scale; 2], scale: usize, shares: Option<&[Plane;
         let rows = band * BAND..height.min((band + 1) * BAND);
         let [mut totals, mut weights] = [ByClass::default(); 2];
         let mut windows = Windows::new(images, stabilisers(Domain::Luma.peak()), &pair.same, scale as u32);
-        windows.for_each_run(rows, width, part, |x, y, indices| match shares {
+        windows.for_each_run(0..width, rows, part, |x, y, indices| match shares {
             None => {
                 mask::add(indices, None, &mut totals);
                 weights[0] += indices.len() as f64;

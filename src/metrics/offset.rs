@@ -115,7 +115,7 @@ fn luma_of(picture: &Picture) -> Vec<f64> {
     let mut plane = vec![0.0; picture.extent().n_pixels()];
     plane.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         let mut shown = [(); 3].map(|()| vec![0.0; width]);
-        picture.show(y, 0..width, shown.each_mut().map(Vec::as_mut_slice));
+        picture.show([0..width, y..y + 1], shown.each_mut().map(Vec::as_mut_slice));
         luma(shown.each_ref().map(Vec::as_slice), row);
     });
     plane

@@ -3,6 +3,8 @@
 use super::{
     Display,
     display::{linear_from_srgb, poison},
+    shown::Area,
+    srgb::Found,
     vector::vectorised,
 };
 use crate::{
@@ -17,6 +19,8 @@ use std::{
 
 /// Pixels converted at a time.
 const BLOCK: usize = 64;
+/// And where so many are not left.
+const FEW: usize = 16;
 
 /// An image to be judged, or to judge by.
 #[derive(Clone)]
@@ -152,20 +156,15 @@ impl Picture {
         }
     }
 
-    /// Display values of some columns of row `y`; NaN where the pixel has a non-finite component.
-    pub(super) fn show(&self, y: usize, columns: Range<usize>, shown: [&mut [f64]; 3]) {
+    /// Display values of an area, row by row; NaN where the pixel has a non-finite component.
+    pub(super) fn show(&self, area: Area, shown: [&mut [f64]; 3]) {
         match &self.0 {
-            Pixels::Linear(pixels, display) => show_linear(&pixels.row(y as u32)[columns], shown, *display),
-            Pixels::Codes(codes) => show_codes(&codes.pixels.row(y as u32)[columns], shown, codes.max.into()),
+            Pixels::Linear(image, display) => show_linear(Piece { image, area }, shown, *display),
+            Pixels::Codes(codes) => {
+                let image = &codes.pixels;
+                show_codes(Piece { image, area }, shown, codes.max.into());
+            }
         }
-    }
-
-    /// The same of one channel, of a picture that [`Picture::is_codes`].
-    pub(super) fn show_channel(&self, channel: usize, y: usize, columns: Range<usize>, shown: &mut [f64]) {
-        let Pixels::Codes(codes) = &self.0 else {
-            unreachable!("what linear values are shown as depends on all channels");
-        };
-        show_codes_of(channel, &codes.pixels.row(y as u32)[columns], shown, codes.max.into());
     }
 
     /// Linear values of the same; NaN where the pixel has a non-finite component.
@@ -224,36 +223,44 @@ vectorised! {
         n
     }
 
-    fn show_linear<'a>(pixels: &'a [Rgb], shown: [&'a mut [f64]; 3], display: Display) {
+    fn show_linear<'a>(pixels: Piece<'a, Rgb>, shown: [&'a mut [f64]; 3], display: Display) {
         let mut shown = shown;
-        let (mut narrow, mut planes) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
-        for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
-            load(pixels, &mut narrow);
-            poison(&mut narrow);
-            widen(&narrow, &mut planes);
-            display.show(&mut planes);
-            store(&planes, block, pixels.len(), &mut shown);
+        let (mut block, mut few) = (Room::<BLOCK>::default(), Room::<FEW>::default());
+        let mut few_shown = [[0.0; FEW]; 3];
+        for row in pixels.rows() {
+            let (blocks, rest) = row.as_chunks::<BLOCK>();
+            for pixels in blocks {
+                let shown = shown.each_mut().map(|run| {
+                    let block = run.split_off_mut(..BLOCK).and_then(<[f64]>::first_chunk_mut);
+                    block.expect("room for all pixels")
+                });
+                block.show(pixels, shown, display);
+            }
+            for pixels in rest.chunks(FEW) {
+                few.show(pixels, few_shown.each_mut(), display);
+                store(&few_shown, pixels.len(), &mut shown);
+            }
         }
     }
 
     fn light_linear<'a>(pixels: &'a [Rgb], light: [&'a mut [f64]; 3]) {
         let mut light = light;
         let (mut narrow, mut planes) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
-        for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
+        for pixels in pixels.chunks(BLOCK) {
             load(pixels, &mut narrow);
             poison(&mut narrow);
             widen(&narrow, &mut planes);
-            store(&planes, block, pixels.len(), &mut light);
+            store(&planes, pixels.len(), &mut light);
         }
     }
 
     fn shine<'a>(pixels: &'a [Rgb], light: [&'a mut [f32]; 3], display: Display) {
         let mut light = light;
         let mut planes = [[0.0; BLOCK]; 3];
-        for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
+        for pixels in pixels.chunks(BLOCK) {
             load(pixels, &mut planes);
             display.shine(&mut planes);
-            store(&planes, block, pixels.len(), &mut light);
+            store(&planes, pixels.len(), &mut light);
         }
     }
 
@@ -261,32 +268,74 @@ vectorised! {
     fn split<'a>(pixels: &'a [Rgb], planes: [&'a mut [f32]; 3]) {
         let mut planes = planes;
         let mut loaded = [[0.0; BLOCK]; 3];
-        for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
+        for pixels in pixels.chunks(BLOCK) {
             load(pixels, &mut loaded);
-            store(&loaded, block, pixels.len(), &mut planes);
+            store(&loaded, pixels.len(), &mut planes);
         }
     }
 
-    fn show_codes<'a>(pixels: &'a [[u16; 3]], shown: [&'a mut [f64]; 3], max: f64) {
+    fn show_codes<'a>(pixels: Piece<'a, [u16; 3]>, shown: [&'a mut [f64]; 3], max: f64) {
         let mut shown = shown;
         let inverse = 1.0 / max;
         let (mut codes, mut planes) = ([[0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
-        for (block, pixels) in pixels.chunks(BLOCK).enumerate() {
-            load(pixels, &mut codes);
-            for channel in 0..3 {
-                for i in 0..BLOCK {
-                    planes[channel][i] = quotient(f64::from(codes[channel][i]), max, inverse);
+        for row in pixels.rows() {
+            for pixels in row.chunks(BLOCK) {
+                load(pixels, &mut codes);
+                for channel in 0..3 {
+                    for i in 0..BLOCK {
+                        planes[channel][i] = quotient(f64::from(codes[channel][i]), max, inverse);
+                    }
                 }
+                store(&planes, pixels.len(), &mut shown);
             }
-            store(&planes, block, pixels.len(), &mut shown);
         }
     }
+}
 
-    fn show_codes_of<'a>(channel: usize, pixels: &'a [[u16; 3]], shown: &'a mut [f64], max: f64) {
-        let inverse = 1.0 / max;
-        for (value, pixel) in shown.iter_mut().zip(pixels) {
-            *value = quotient(f64::from(pixel[channel % 3]), max, inverse);
+/// A area of an image.
+struct Piece<'a, T> {
+    image: &'a Image<T>,
+    area: Area,
+}
+
+impl<'a, T: Copy + Send + Sync> Piece<'a, T> {
+    #[inline(always)]
+    fn rows(&self) -> impl Iterator<Item = &'a [T]> {
+        let Self {
+            image,
+            area: [columns, rows],
+        } = self;
+        let image = *image;
+        rows.clone().map(move |y| &image.row(y as u32)[columns.clone()])
+    }
+}
+
+/// Room for `N` pixels on their way to what they show.
+struct Room<const N: usize> {
+    narrow: [[f32; N]; 3],
+    planes: [[f64; N]; 3],
+    found: Found<N>,
+}
+
+impl<const N: usize> Default for Room<N> {
+    #[inline(always)]
+    fn default() -> Self {
+        Self {
+            narrow: [[0.0; N]; 3],
+            planes: [[0.0; N]; 3],
+            found: Found::default(),
         }
+    }
+}
+
+impl<const N: usize> Room<N> {
+    /// Shows up to `N` pixels.
+    #[inline(always)]
+    fn show(&mut self, pixels: &[Rgb], shown: [&mut [f64; N]; 3], display: Display) {
+        load(pixels, &mut self.narrow);
+        poison(&mut self.narrow);
+        widen(&self.narrow, &mut self.planes);
+        display.show(&mut self.planes, shown, &mut self.found);
     }
 }
 
@@ -308,12 +357,12 @@ fn quotient(code: f64, max: f64, inverse: f64) -> f64 {
 
 /// Up to a block of pixels as planes; what follows the last pixel stays.
 #[inline(always)]
-fn load<T: Copy>(pixels: &[[T; 3]], planes: &mut [[T; BLOCK]; 3]) {
+fn load<T: Copy, const N: usize>(pixels: &[[T; 3]], planes: &mut [[T; N]; 3]) {
     let [r, g, b] = planes;
     // Whole blocks have a loop of their own, of a number of steps that is known.
-    match pixels.first_chunk::<BLOCK>() {
+    match pixels.first_chunk::<N>() {
         Some(pixels) => {
-            for i in 0..BLOCK {
+            for i in 0..N {
                 [r[i], g[i], b[i]] = pixels[i];
             }
         }
@@ -326,20 +375,20 @@ fn load<T: Copy>(pixels: &[[T; 3]], planes: &mut [[T; BLOCK]; 3]) {
 }
 
 #[inline(always)]
-fn widen(planes: &[[f32; BLOCK]; 3], wide: &mut [[f64; BLOCK]; 3]) {
+fn widen<const N: usize>(planes: &[[f32; N]; 3], wide: &mut [[f64; N]; 3]) {
     for channel in 0..3 {
-        for i in 0..BLOCK {
+        for i in 0..N {
             wide[channel][i] = f64::from(planes[channel][i]);
         }
     }
 }
 
-/// Writes the first `n` pixels of a block to where it lies in a run.
+/// Writes the first `n` pixels of a block to where a run begins, which then is behind them.
 #[inline(always)]
-fn store<T: Copy>(block_planes: &[[T; BLOCK]; 3], block: usize, n: usize, run: &mut [&mut [T]; 3]) {
-    for (run, plane) in run.iter_mut().zip(block_planes) {
-        let run = &mut run[block * BLOCK..][..n];
-        match run.first_chunk_mut::<BLOCK>() {
+fn store<T: Copy, const N: usize>(block: &[[T; N]; 3], n: usize, run: &mut [&mut [T]; 3]) {
+    for (run, plane) in run.iter_mut().zip(block) {
+        let run = run.split_off_mut(..n).expect("room for all pixels");
+        match run.first_chunk_mut::<N>() {
             Some(run) => *run = *plane,
             None => run.copy_from_slice(&plane[..n]),
         }
@@ -366,7 +415,7 @@ mod tests {
             let mut planes = [(); 6].map(|()| vec![0.0; n]);
             let [r, g, b, lr, lg, lb] = planes.each_mut().map(Vec::as_mut_slice);
             let picture = Picture::codes(codes, max);
-            picture.show(0, 0..n, [r, g, b]);
+            picture.show([0..n, 0..1], [r, g, b]);
             picture.light(0, 0..n, [lr, lg, lb]);
             let exact = |code: usize| code as f64 / f64::from(max);
             for (plane, light) in planes[..3].iter().zip(&planes[3..]) {
@@ -384,7 +433,7 @@ mod tests {
         let picture = Picture::linear(image, Display::default());
         let mut planes = [(); 6].map(|()| vec![0.0; 10]);
         let [r, g, b, lr, lg, lb] = planes.each_mut().map(Vec::as_mut_slice);
-        picture.show(1, 60..70, [r, g, b]);
+        picture.show([60..70, 1..2], [r, g, b]);
         picture.light(1, 60..70, [lr, lg, lb]);
         for plane in planes {
             assert!(plane.iter().enumerate().all(|(x, value)| value.is_nan() == (x == 6)));

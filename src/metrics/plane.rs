@@ -2,15 +2,16 @@
 //! compute on it.
 
 use std::{
+    collections::BTreeMap,
     ops::{Deref, DerefMut},
     sync::{Arc, Mutex, PoisonError},
 };
 
-/// Planes of one size that nobody uses.
+/// Planes that nobody uses, by their size.
 #[derive(Clone, Default)]
-pub struct Pool(Arc<Mutex<Vec<Vec<f64>>>>);
+pub struct Pool(Arc<Mutex<BTreeMap<usize, Vec<Vec<f64>>>>>);
 
-/// One value a pixel, row by row. Goes back to its pool in the end.
+/// A number of values. Goes back to its pool in the end.
 pub struct Plane {
     values: Vec<f64>,
     pool: Pool,
@@ -19,15 +20,14 @@ pub struct Plane {
 impl Pool {
     /// A plane of `n` values, whatever they are.
     pub fn plane(&self, n: usize) -> Plane {
-        let mut values = self.spare(|spare| spare.pop()).unwrap_or_default();
-        values.resize(n, 0.0);
+        let spare = self.spare(|spare| spare.get_mut(&n)?.pop());
         Plane {
-            values,
+            values: spare.unwrap_or_else(|| vec![0.0; n]),
             pool: self.clone(),
         }
     }
 
-    fn spare<R>(&self, f: impl FnOnce(&mut Vec<Vec<f64>>) -> R) -> R {
+    fn spare<R>(&self, f: impl FnOnce(&mut BTreeMap<usize, Vec<Vec<f64>>>) -> R) -> R {
         f(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
@@ -35,7 +35,8 @@ impl Pool {
 impl Drop for Plane {
     fn drop(&mut self) {
         let values = std::mem::take(&mut self.values);
-        self.pool.spare(|spare| spare.push(values));
+        self.pool
+            .spare(|spare| spare.entry(values.len()).or_default().push(values));
     }
 }
 

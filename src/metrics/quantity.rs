@@ -70,22 +70,20 @@ impl Quantity {
         }
     }
 
-    /// Whether it needs display RGB of the whole image.
-    pub fn reads_shown(self) -> bool {
-        matches!(self, Self::Ssim(_))
+    /// The domain whose windows it compares, if it is an index of windows at full size.
+    pub const fn windows(self) -> Option<Domain> {
+        match self {
+            Self::Ssim(domain) => Some(domain),
+            _ => None,
+        }
     }
 
-    /// The same, or what is made of it.
-    pub fn reads_image(self) -> bool {
-        self.reads_shown() || self.reads_luma()
-    }
-
-    /// Whether it needs display values at all.
+    /// Whether it needs display values.
     pub fn reads_display(self) -> bool {
         match self {
             Self::SquaredError(domain) => domain != Domain::Linear,
-            Self::Change(_) => true,
-            _ => self.reads_image(),
+            Self::Ssim(_) | Self::Change(_) => true,
+            _ => self.reads_luma(),
         }
     }
 

@@ -10,12 +10,11 @@ use super::{
     quantity::{Domain, Quantity, Sums, quantities},
     rows::{Pass, Rows},
     same::Same,
-    shown::Shown,
+    shown::{Shown, Strip},
     ssim,
     temporal::{Change, Past, Step},
 };
 use crate::image::{Extent, Image};
-use rayon::prelude::*;
 use std::{
     collections::BTreeMap,
     sync::{Arc, OnceLock},
@@ -38,6 +37,8 @@ pub struct Reference {
     pool: Pool,
     /// Where a metric reads display values.
     shown: Option<Shown>,
+    /// How those are cut.
+    strip: Strip,
     is_finite: bool,
     step: Option<Step>,
     luma: OnceLock<Arc<Plane>>,
@@ -45,24 +46,6 @@ pub struct Reference {
     seen: OnceLock<SeenImage>,
     exposures: OnceLock<Exposures>,
     pyramid: OnceLock<Pyramid>,
-}
-
-/// Display values of a picture, and whether all are finite.
-fn show(picture: &Picture, pool: &Pool) -> (Shown, bool) {
-    if picture.is_codes() {
-        return (Shown::codes(picture), true);
-    }
-    let extent = picture.extent();
-    let width = extent.width as usize;
-    let mut planes = [(); 3].map(|()| pool.plane(extent.n_pixels()));
-    let [r, g, b] = planes.each_mut().map(|plane| plane.par_chunks_mut(width));
-    let rows = (r, g, b).into_par_iter().enumerate();
-    let rows = rows.map(|(y, (r, g, b))| {
-        picture.show(y, 0..width, [&mut *r, g, b]);
-        r.iter().all(|value| value.is_finite())
-    });
-    let is_finite = rows.reduce(|| true, |a, b| a & b);
-    (Shown::kept(extent, planes), is_finite)
 }
 
 impl Reference {
@@ -88,9 +71,19 @@ impl Reference {
         // Masks are told by luma, whatever is measured within them.
         let reads_display = quantities(&metrics).into_iter().any(Quantity::reads_display)
             || metrics.iter().any(|metric| metric.needs_motion());
+        let has_windows = quantities(&metrics)
+            .into_iter()
+            .any(|quantity| quantity.windows().is_some());
+        let strip = match has_windows {
+            true => ssim::STRIP,
+            false => Strip {
+                width: picture.extent().width as usize,
+                beyond: 0,
+            },
+        };
         let (shown, is_finite) = match reads_display {
             true => {
-                let (shown, is_finite) = show(&picture, &pool);
+                let (shown, is_finite) = Shown::new(&picture, strip, &pool);
                 (Some(shown), is_finite)
             }
             false => (None, picture.is_finite()),
@@ -98,6 +91,7 @@ impl Reference {
         Self {
             shown,
             is_finite,
+            strip,
             picture,
             metrics,
             pool,
@@ -138,7 +132,8 @@ impl Reference {
             reference: self,
             test,
             quantities: pointwise,
-            keeps_shown: others.iter().any(|quantity| quantity.reads_image()),
+            windows: wanted.iter().filter_map(|quantity| quantity.windows()).collect(),
+            keeps_luma: others.iter().any(|quantity| quantity.reads_luma()),
         };
         let keeps_errors = wanted.contains(&Quantity::Change(Change::Step));
         let rows = pass.run(keeps_errors.then(|| past.errors(self, follows)));
@@ -158,18 +153,11 @@ impl Reference {
                 },
             }
         };
-        let mut pair = Pair::new(self, test, rows, wanted.iter().any(|quantity| quantity.reads_luma()));
-        let (first, others): (Vec<&Quantity>, Vec<_>) = wanted.iter().partition(|quantity| quantity.reads_shown());
-        let mut measured = BTreeMap::new();
-        for quantities in [first, others] {
-            for quantity in quantities {
-                if let Some(sums) = measure(&pair, quantity) {
-                    measured.insert(*quantity, sums);
-                }
-            }
-            // FLIP's planes go where these were.
-            pair.shown = None;
-        }
+        let pair = Pair::new(self, test, rows);
+        let measured = wanted
+            .iter()
+            .filter_map(|quantity| Some((*quantity, measure(&pair, quantity)?)));
+        let measured: BTreeMap<_, _> = measured.collect();
         let mut values = values(&self.metrics, &measured, self.classes().is_some());
         if is_finite && wanted.contains(&Quantity::HdrFlip) {
             let exposures = self.exposures();
@@ -199,6 +187,10 @@ impl Reference {
         self.shown.as_ref().expect("made for the quantities that read it")
     }
 
+    pub(super) fn strip(&self) -> Strip {
+        self.strip
+    }
+
     /// Whether every pixel is.
     pub(super) fn is_finite(&self) -> bool {
         self.is_finite
@@ -225,14 +217,18 @@ impl Reference {
         self.pool.plane(self.extent().n_pixels())
     }
 
-    pub(super) fn luma(&self) -> &Arc<Plane> {
-        self.luma.get_or_init(|| self.luma_of(self.shown()))
+    /// Room for what windows see; for nothing, where there are none.
+    pub(super) fn room_for_windows(&self, has_windows: bool) -> ssim::Seen {
+        let n = if has_windows { ssim::N_SEEN } else { 0 };
+        [(); 2].map(|()| [(); 3].map(|()| self.pool.plane(n)))
     }
 
-    fn luma_of(&self, shown: &Shown) -> Arc<Plane> {
-        let mut plane = self.new_plane();
-        shown.luma(&mut plane);
-        Arc::new(plane)
+    pub(super) fn luma(&self) -> &Arc<Plane> {
+        self.luma.get_or_init(|| {
+            let mut plane = self.new_plane();
+            self.shown().luma(&mut plane);
+            Arc::new(plane)
+        })
     }
 
     /// Σ R² of display values.
@@ -240,9 +236,11 @@ impl Reference {
         *self.energy.get_or_init(|| {
             let [sums] = sum_rows(self.extent(), self.classes(), |y, [squares]| {
                 let mut scratch = Default::default();
-                let rows = self.shown().rows(y, 0..squares.len(), &mut scratch);
-                for (x, square) in squares.iter_mut().enumerate() {
-                    *square = rows.iter().map(|row| row[x] * row[x]).sum();
+                for columns in self.shown().columns() {
+                    let rows = self.shown().rows(y, columns.clone(), &mut scratch);
+                    for (x, square) in squares[columns].iter_mut().enumerate() {
+                        *square = rows.iter().map(|row| row[x] * row[x]).sum();
+                    }
                 }
             });
             sums
@@ -270,46 +268,35 @@ const SHOWN_ERROR: Quantity = Quantity::SquaredError(Domain::Display);
 pub(super) struct Pair<'a> {
     pub reference: &'a Reference,
     pub test: &'a Picture,
-    shown: Option<Shown>,
     luma: Option<Arc<Plane>>,
     pub same: Same,
     flip: OnceLock<Image<f32>>,
 }
 
 impl<'a> Pair<'a> {
-    fn new(reference: &'a Reference, test: &'a Picture, rows: Rows, reads_luma: bool) -> Self {
-        let Rows { shown, same, .. } = rows;
+    fn new(reference: &'a Reference, test: &'a Picture, rows: Rows) -> Self {
         Self {
             reference,
             test,
-            luma: shown
-                .as_ref()
-                .filter(|_| reads_luma)
-                .map(|shown| reference.luma_of(shown)),
-            shown,
-            same,
+            luma: rows.luma.map(Arc::new),
+            same: rows.same,
             flip: OnceLock::new(),
         }
     }
 
     fn measure(&self, quantity: Quantity, past: &Past) -> ByMask<Sums> {
         match quantity {
-            Quantity::Ssim(domain) => by_mask(&ssim::measure(self, domain)),
             Quantity::MsSsim => by_mask(&ms_ssim::measure(self)),
             Quantity::Flip => by_mask(&flip::sums(self.flip(), self.reference.classes())),
             Quantity::FlipPercentile => flip::percentiles_95(self.flip(), self.reference.classes()),
             Quantity::HdrFlip => by_mask(&flip::sums(&flip::hdr_map(self), self.reference.classes())),
             Quantity::Change(change) => by_mask(&change.measure(self, past)),
-            _ => unreachable!("measured pixel by pixel, or over many frames"),
+            _ => unreachable!("measured in passing, or over many frames"),
         }
     }
 
-    pub fn shown(&self) -> &Shown {
-        self.shown.as_ref().expect("kept for the quantities that read it")
-    }
-
     pub fn luma(&self) -> &[f64] {
-        self.luma.as_ref().expect("made for the quantities that read it")
+        self.luma.as_ref().expect("kept for the quantities that read it")
     }
 
     fn flip(&self) -> &Image<f32> {
@@ -329,10 +316,11 @@ pub(super) fn with_pair<R>(
         reference,
         test,
         quantities: Vec::new(),
-        keeps_shown: quantity.reads_image(),
+        windows: Vec::new(),
+        keeps_luma: quantity.reads_luma(),
     };
     let rows = pass.run(None);
-    Ok(f(&Pair::new(reference, test, rows, quantity.reads_luma())))
+    Ok(f(&Pair::new(reference, test, rows)))
 }
 
 impl Sums {

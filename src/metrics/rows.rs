@@ -1,5 +1,5 @@
 //! The pass over an image under test: its pixels are converted, compared with the reference's where a quantity needs no
-//! neighbours, and kept where another does. One pass, because memory is slower than arithmetic; and none at all over
+//! neighbours, and their luma is kept where another does. One pass, because memory is slower than arithmetic; and none at all over
 //! tiles whose pixels are those of the reference.
 
 use super::{
@@ -10,8 +10,9 @@ use super::{
     quantity::{Domain, Quantity, Sums},
     reference::Reference,
     relative_error,
-    same::{self, Same, TILE},
-    shown::Shown,
+    same::{Same, TILE},
+    shown::View,
+    ssim,
     temporal::Change,
     vector::vectorised,
 };
@@ -22,7 +23,7 @@ use std::{collections::BTreeMap, ops::Range};
 pub struct Rows {
     pub sums: BTreeMap<Quantity, ByClass<Sums>>,
     /// Where it was to be kept.
-    pub shown: Option<Shown>,
+    pub luma: Option<Plane>,
     pub same: Same,
     /// Pixels with a NaN or an infinity here or in the reference.
     pub n_non_finite: u64,
@@ -32,10 +33,12 @@ pub struct Rows {
 pub struct Pass<'a> {
     pub reference: &'a Reference,
     pub test: &'a Picture,
-    /// All those that need no neighbours.
+    /// All those that are [`Quantity::is_pointwise`].
     pub quantities: Vec<Quantity>,
-    /// Whether other quantities read the image afterwards.
-    pub keeps_shown: bool,
+    /// Where the structural similarity is measured.
+    pub windows: Vec<Domain>,
+    /// Whether other quantities read the image's luma afterwards.
+    pub keeps_luma: bool,
 }
 
 /// The errors of display RGB of the frame before, to be replaced by those of this one.
@@ -48,10 +51,16 @@ pub struct Errors<'a> {
 /// The rows of three planes that a thread works on.
 type Band<'a> = Option<[&'a mut [f64]; 3]>;
 
+/// What a thread leaves of its band.
+struct Left<'a> {
+    luma: Option<&'a mut [f64]>,
+    errors: Band<'a>,
+}
+
 /// What a thread found in its band.
 struct Found {
     totals: Vec<ByClass<f64>>,
-    same: Vec<bool>,
+    windows: Vec<ByClass<Sums>>,
     n_non_finite: u64,
 }
 
@@ -90,38 +99,60 @@ impl Pass<'_> {
     pub fn run(self, mut errors: Option<Errors>) -> Rows {
         let extent = self.test.extent();
         let width = extent.width as usize;
-        let mut kept = match self.keeps_shown && !self.test.is_codes() {
-            true => Some([(); 3].map(|()| self.reference.new_plane())),
-            false => None,
+        let comparable = self.test.reads_like(self.reference.picture()) && self.reference.is_finite();
+        let same = match comparable {
+            true => Same::of(self.reference.picture(), self.test),
+            false => Same::nowhere(extent),
         };
+        let mut luma = self.keeps_luma.then(|| {
+            // Made now, and not by whichever thread comes upon a tile that repeats it.
+            self.reference.luma();
+            self.reference.new_plane()
+        });
         let known = errors.as_ref().is_some_and(|errors| errors.known);
-        let n_bands = (extent.height as usize).div_ceil(TILE);
-        let shown = bands(kept.as_mut(), width, n_bands);
-        let errors = bands(errors.as_mut().map(|errors| &mut *errors.planes), width, n_bands);
-        let work: Vec<(Band, Band)> = shown.into_iter().zip(errors).collect();
-        let found = work.into_par_iter().enumerate();
+        let n_rows = if self.windows.is_empty() { TILE } else { ssim::BAND };
+        let n_bands = (extent.height as usize).div_ceil(n_rows);
+        let errors = bands(
+            errors.as_mut().map(|errors| &mut *errors.planes),
+            width * n_rows,
+            n_bands,
+        );
+        let lumas = luma.iter_mut().flat_map(|plane| plane.chunks_mut(width * n_rows));
+        let lumas = lumas.map(Some).chain(std::iter::repeat_with(|| None));
+        let left: Vec<Left> = lumas.zip(errors).map(|(luma, errors)| Left { luma, errors }).collect();
+        let found = left.into_par_iter().enumerate();
         let found: Vec<Found> = found
-            .map_init(Scratch::new, |scratch, (band, (shown, errors))| {
-                self.band(band, shown, (errors, known), scratch)
-            })
+            .map_init(
+                || {
+                    (
+                        self.reference.room_for_windows(!self.windows.is_empty()),
+                        Scratch::new(),
+                    )
+                },
+                |(seen, scratch), (band, left)| {
+                    let rows = band * n_rows..(extent.height as usize).min((band + 1) * n_rows);
+                    self.band(rows, &same, (left, known), (seen, scratch))
+                },
+            )
             .collect();
         let n_non_finite = found.iter().map(|band| band.n_non_finite).sum();
-        let sums = self.quantities.iter().enumerate();
+        let pointwise = self.quantities.iter().enumerate();
+        let pointwise = pointwise.map(|(i, quantity)| {
+            let totals = found.iter().map(|band| &band.totals[i]);
+            (*quantity, self.sums(*quantity, totals))
+        });
+        let windows = self.windows.iter().enumerate().map(|(i, domain)| {
+            let bands = found.iter().map(|band| &band.windows[i]);
+            let all = bands.fold(Default::default(), |all: ByClass<Sums>, band| {
+                std::array::from_fn(|class| all[class].plus(&band[class]))
+            });
+            (Quantity::Ssim(*domain), all)
+        });
         Rows {
-            sums: sums
-                .map(|(i, quantity)| {
-                    (
-                        *quantity,
-                        self.sums(*quantity, found.iter().map(|band| &band.totals[i])),
-                    )
-                })
-                .collect(),
+            sums: pointwise.chain(windows).collect(),
             n_non_finite,
-            same: Same::new(width.div_ceil(TILE), found.into_iter().map(|band| band.same)),
-            shown: self.keeps_shown.then(|| match kept {
-                Some(planes) => Shown::kept(extent, planes),
-                None => Shown::codes(self.test),
-            }),
+            same,
+            luma,
         }
     }
 
@@ -142,47 +173,62 @@ impl Pass<'_> {
         sums
     }
 
-    fn band(&self, band: usize, mut shown: Band, (mut errors, known): (Band, bool), scratch: &mut Scratch) -> Found {
-        let extent = self.test.extent();
-        let rows = band * TILE..(extent.height as usize).min((band + 1) * TILE);
-        let comparable = self.test.reads_like(self.reference.picture()) && self.reference.is_finite();
+    /// Part by part: what is converted for windows stays in the second-level cache while it is compared.
+    fn band(
+        &self,
+        rows: Range<usize>,
+        same: &Same,
+        (mut left, known): (Left, bool),
+        (seen, scratch): (&mut ssim::Seen, &mut Scratch),
+    ) -> Found {
+        let width = self.test.extent().width as usize;
+        let n_columns = if self.windows.is_empty() { width } else { ssim::BLOCK };
         let mut found = Found {
             totals: vec![Default::default(); self.quantities.len()],
-            same: match comparable {
-                true => same::compare(self.reference.picture(), self.test, rows.clone()),
-                false => vec![false; (extent.width as usize).div_ceil(TILE)],
-            },
+            windows: vec![Default::default(); self.windows.len()],
             n_non_finite: 0,
         };
-        let runs = runs(&found.same, extent.width as usize);
-        for y in rows.clone() {
-            let row = (y - rows.start) * extent.width as usize;
-            for (same, columns) in &runs {
-                let at = row + columns.start..row + columns.end;
-                let mut run = Run {
-                    pass: self,
-                    y,
-                    columns: columns.clone(),
-                    shown: cut(&mut shown, at.clone()),
-                    errors: cut(&mut errors, at),
-                    known,
-                };
-                match same {
-                    true => run.repeat(scratch, &mut found.totals),
-                    false => found.n_non_finite += run.compare(scratch, &mut found.totals),
+        let most = RUN.min(self.reference.strip().width).div_ceil(TILE);
+        for left_column in (0..width).step_by(n_columns) {
+            let columns = left_column..width.min(left_column + n_columns);
+            let block = (!self.windows.is_empty()).then(|| {
+                let images = (self.reference.shown(), self.test);
+                ssim::Block::new(images, same, [columns.clone(), rows.clone()], seen)
+            });
+            for y in rows.clone() {
+                let row = (y - rows.start) * width;
+                for (is_same, columns) in same.runs(y, columns.clone(), most) {
+                    let at = row + columns.start..row + columns.end;
+                    let mut run = Run {
+                        pass: self,
+                        views: block.as_ref().map(ssim::Block::views),
+                        y,
+                        columns,
+                        luma: left.luma.as_mut().map(|luma| &mut luma[at.clone()]),
+                        errors: cut(&mut left.errors, at),
+                        known,
+                    };
+                    match is_same {
+                        true => run.repeat(&mut found.totals),
+                        false => found.n_non_finite += run.compare(scratch, &mut found.totals),
+                    }
                 }
+            }
+            for (domain, sums) in self.windows.iter().zip(&mut found.windows) {
+                let block = block.as_ref().expect("made for windows");
+                block.add(*domain, self.reference.classes(), sums);
             }
         }
         found
     }
 }
 
-/// Planes cut into the rows of each band.
-fn bands(planes: Option<&mut [Plane; 3]>, width: usize, n_bands: usize) -> Vec<Band<'_>> {
+/// Planes cut into `n_bands` bands of `n` pixels.
+fn bands(planes: Option<&mut [Plane; 3]>, n: usize, n_bands: usize) -> Vec<Band<'_>> {
     let Some(planes) = planes else {
         return (0..n_bands).map(|_| None).collect();
     };
-    let [r, g, b] = planes.each_mut().map(|plane| plane.chunks_mut(width * TILE));
+    let [r, g, b] = planes.each_mut().map(|plane| plane.chunks_mut(n));
     r.zip(g).zip(b).map(|((r, g), b)| Some([r, g, b])).collect()
 }
 
@@ -192,24 +238,15 @@ fn cut<'a>(band: &'a mut Band, at: Range<usize>) -> Band<'a> {
     Some(planes.each_mut().map(|plane| &mut plane[at.clone()]))
 }
 
-/// The columns of neighbouring tiles that are all the same, or all not.
-fn runs(same: &[bool], width: usize) -> Vec<(bool, Range<usize>)> {
-    let mut start = 0;
-    let alike = same.chunk_by(|a, b| a == b);
-    let runs = alike.flat_map(|tiles| tiles.chunks(RUN / TILE)).map(|tiles| {
-        let end = width.min(start + tiles.len() * TILE);
-        (tiles[0], std::mem::replace(&mut start, end)..end)
-    });
-    runs.collect()
-}
-
 /// Some columns of a row.
 struct Run<'a> {
     pass: &'a Pass<'a>,
+    /// What both images show here, where that is known: the reference first.
+    views: Option<&'a [View<'a>; 2]>,
     y: usize,
     columns: Range<usize>,
-    /// Where the image is to be kept.
-    shown: Band<'a>,
+    /// Where its luma is to be kept.
+    luma: Option<&'a mut [f64]>,
     /// Where errors are replaced.
     errors: Band<'a>,
     /// Whether there are any yet.
@@ -218,14 +255,11 @@ struct Run<'a> {
 
 impl Run<'_> {
     /// Where pixels are those of the reference: it is copied, and no error is left.
-    fn repeat(&mut self, scratch: &mut Scratch, totals: &mut [ByClass<f64>]) {
-        if let Some(shown) = &mut self.shown {
-            let shown_reference = self.pass.reference.shown();
-            let reference = shown_reference.rows(self.y, self.columns.clone(), &mut scratch.reference);
-            shown
-                .iter_mut()
-                .zip(reference)
-                .for_each(|(kept, row)| kept.copy_from_slice(row));
+    fn repeat(&mut self, totals: &mut [ByClass<f64>]) {
+        if let Some(luma) = &mut self.luma {
+            let row = self.y * self.pass.test.extent().width as usize;
+            let reference = &self.pass.reference.luma()[row + self.columns.start..row + self.columns.end];
+            luma.copy_from_slice(reference);
         }
         let classes = self.pass.classes(self.y, self.columns.clone());
         for row in self.errors.iter_mut().flatten() {
@@ -254,16 +288,22 @@ impl Run<'_> {
             samples,
         } = scratch;
         let samples = &mut samples[..n];
-        let reads_display = self.shown.is_some() || pass.quantities.iter().any(|quantity| quantity.reads_display());
-        let mut reference_shown = [&[][..]; 3];
+        let reads_display = self.luma.is_some() || pass.quantities.iter().any(|quantity| quantity.reads_display());
+        let [mut reference_shown, mut test_shown] = [[&[][..]; 3]; 2];
         if reads_display {
-            let rows = shown.each_mut().map(|row| &mut row[..n]);
-            pass.test.show(y, columns.clone(), rows);
-            reference_shown = pass.reference.shown().rows(y, columns.clone(), reference);
+            [reference_shown, test_shown] = match self.views {
+                Some(views) => views.each_ref().map(|view| view.rows(y, columns.clone())),
+                None => {
+                    let rows = shown.each_mut().map(|row| &mut row[..n]);
+                    pass.test.show([columns.clone(), y..y + 1], rows);
+                    let reference = pass.reference.shown().rows(y, columns.clone(), reference);
+                    [reference, shown.each_ref().map(|row| &row[..n])]
+                }
+            };
         }
-        let (shown, reference) = (shown.each_ref().map(|row| &row[..n]), reference_shown);
-        for (kept, row) in self.shown.iter_mut().flatten().zip(shown) {
-            kept.copy_from_slice(row);
+        let (reference, shown) = (reference_shown, test_shown);
+        if let Some(kept) = &mut self.luma {
+            luma(shown, kept);
         }
         if pass
             .quantities
@@ -305,9 +345,13 @@ impl Run<'_> {
                 add_squares(samples, classes, totals);
             }
         }
-        match reads_display {
-            true => count_nan(reference[0], shown[0]),
-            false => pass.test.n_non_finite(pass.reference.picture(), y, columns),
+        match self.views {
+            _ if reads_display => count_nan(reference[0], shown[0]),
+            Some([_, test]) if pass.reference.is_finite() => {
+                let shown = test.row(0, y, columns);
+                count_nan(shown, shown)
+            }
+            _ => pass.test.n_non_finite(pass.reference.picture(), y, columns),
         }
     }
 }
@@ -320,7 +364,7 @@ impl Run<'_> {
             _ => false,
         };
         let pass = self.pass;
-        let alone = self.shown.is_none() && self.errors.is_none() && pass.reference.classes().is_none();
+        let alone = self.luma.is_none() && self.errors.is_none() && pass.reference.classes().is_none();
         if !alone || !pass.quantities.iter().all(follows) {
             return None;
         }

@@ -49,31 +49,45 @@ static CELLS: LazyLock<[[f64; 2]; N_PLACES]> = LazyLock::new(|| {
     cells
 });
 
-/// Linear to sRGB-encoded, clamped to `[0, 1]`; NaN stays NaN.
+/// What [`encode`] looks up, in memory that need not be cleared for every call.
+pub struct Found<const N: usize> {
+    places: [u64; N],
+    cells: [[f64; 2]; N],
+}
+
+impl<const N: usize> Default for Found<N> {
+    #[inline(always)]
+    fn default() -> Self {
+        Self {
+            places: [0; N],
+            cells: [[0.0; 2]; N],
+        }
+    }
+}
+
+/// Linear to sRGB-encoded, clamped to `[0, 1]`; NaN stays NaN. `values` are left clamped.
 ///
 /// One loop a step, and none has a branch: that is what lets all but the look-up vectorise.
 #[inline(always)]
-pub fn encode<const N: usize>(values: &mut [f64; N]) {
+pub fn encode<const N: usize>(values: &mut [f64; N], codes: &mut [f64; N], found: &mut Found<N>) {
     let cells = &*CELLS;
-    let mut places = [0; N];
-    for (place, value) in places.iter_mut().zip(&mut *values) {
+    for (place, value) in found.places.iter_mut().zip(&mut *values) {
         // NaN passes both, as it would not through `clamp`.
         *value = if *value > 1.0 { 1.0 } else { *value };
         *value = if *value < 0.0 { 0.0 } else { *value };
         *place = value.to_bits() >> (52 - CELL_BITS);
     }
-    let mut found = [[0.0; 2]; N];
-    for i in 0..N {
-        found[i] = cells[places[i] as usize % N_PLACES];
+    for (cell, place) in found.cells.iter_mut().zip(&found.places) {
+        *cell = cells[*place as usize % N_PLACES];
     }
     let (_, [s1, s2, s3, s4, s5]) = SERIES;
     for i in 0..N {
-        let (linear, [inverse, encoded]) = (values[i], found[i]);
+        let (linear, [inverse, encoded]) = (values[i], found.cells[i]);
         let r = linear.mul_add(inverse, -1.0);
         let series = r * r.mul_add(r.mul_add(r.mul_add(r.mul_add(s5, s4), s3), s2), s1);
         let curve = (encoded + 0.055).mul_add(series, encoded);
         // Below, the curve is that of some other cell.
-        values[i] = if linear <= LINEAR_BELOW { 12.92 * linear } else { curve };
+        codes[i] = if linear <= LINEAR_BELOW { 12.92 * linear } else { curve };
     }
 }
 
@@ -91,9 +105,9 @@ mod tests {
     use super::*;
 
     fn encode(linear: f64) -> f64 {
-        let mut value = [linear];
-        super::encode(&mut value);
-        value[0]
+        let mut code = [0.0];
+        super::encode(&mut [linear], &mut code, &mut Found::default());
+        code[0]
     }
 
     #[test]

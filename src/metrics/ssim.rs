@@ -14,13 +14,15 @@
 //! Windows are separable: each row of a tile is filtered once, each column over a ring of the last eleven rows.
 
 use super::{
-    Better, MetricInfo,
+    Better, MetricInfo, Picture,
     mask::{self, ByClass, Classes},
     metric::Definition,
+    plane::Plane,
     quantity::{Domain, Quantity, Sums},
     reference::Pair,
-    same::Same,
-    shown::{RowScratch, Shown},
+    rows::{code, luma},
+    same::{self, Same},
+    shown::{Shown, Strip, View},
     vector::vectorised,
 };
 use crate::image::{Extent, Image};
@@ -37,6 +39,18 @@ const TILE: usize = 64;
 const TILE_INPUT: usize = TILE + WINDOW - 1;
 /// Rows of windows that one thread takes at a time.
 pub(super) const BAND: usize = 128;
+/// And columns, where the values that they see are made for them: these fit the second-level cache.
+pub(super) const BLOCK: usize = 2 * TILE;
+/// How many values that is of a channel.
+pub(super) const N_SEEN: usize = (BLOCK + WINDOW - 1) * (BAND + WINDOW - 1);
+/// Room for them, of each channel of reference and image under test.
+pub(super) type Seen = [[Plane; 3]; 2];
+/// How a reference is kept: all that a tile sees in one strip.
+pub(super) const STRIP: Strip = Strip {
+    width: TILE,
+    beyond: WINDOW - 1,
+};
+const _: () = assert!(TILE == same::TILE, "what is found to be the same is a strip wide");
 
 pub(super) const SSIM: Definition = ssim("ssim", Domain::Display, "Structural similarity of display RGB");
 pub(super) const SSIM_Y: Definition = ssim("ssim.y", Domain::Luma, "Structural similarity of Rec. 709 luma");
@@ -73,34 +87,6 @@ pub(super) fn stabilisers(peak: f64) -> [f64; 2] {
     [(0.01 * peak) * (0.01 * peak), (0.03 * peak) * (0.03 * peak)]
 }
 
-/// Sums the index over all windows and channels, in an order that does not depend on the number of threads.
-pub(super) fn measure(pair: &Pair, domain: Domain) -> ByClass<Sums> {
-    let valid = valid_extent(pair.reference.extent());
-    let (width, height) = (valid.width as usize, valid.height as usize);
-    let bands = (0..height.div_ceil(BAND) * domain.n_channels())
-        .into_par_iter()
-        .map(|i| {
-            let (channel, first) = (i % domain.n_channels(), i / domain.n_channels() * BAND);
-            let [mut totals, mut n] = [ByClass::default(); 2];
-            let rows = first..height.min(first + BAND);
-            let mut windows = windows_of(pair, domain, channel);
-            windows.for_each_run(rows, width, Part::Whole, |x, y, indices| {
-                let classes = centres(pair.reference.classes(), x, y, indices.len());
-                mask::add(indices, classes, &mut totals);
-                match classes {
-                    None => n[0] += indices.len() as f64,
-                    Some(classes) => classes.iter().for_each(|class| n[usize::from(*class)] += 1.0),
-                }
-            });
-            [totals, n]
-        });
-    let bands: Vec<[ByClass<f64>; 2]> = bands.collect();
-    std::array::from_fn(|class| {
-        let [total, n] = std::array::from_fn(|i| bands.iter().map(|band| band[i][class]).sum());
-        Sums::new(n, [total])
-    })
-}
-
 /// The class of the pixel in the middle of each window of a run.
 fn centres(classes: Option<&Classes>, x: usize, y: usize, n: usize) -> Option<&[mask::Class]> {
     Some(classes?.row(y + HALF, x + HALF..x + HALF + n))
@@ -114,12 +100,14 @@ pub(super) fn map(pair: &Pair, domain: Domain) -> Image<f32> {
     let inner = HALF * width..map.pixels().len() - HALF * width;
     let bands = map.pixels_mut()[inner].par_chunks_mut(width * BAND).enumerate();
     bands.for_each(|(band, pixels)| {
-        let first = band * BAND;
-        let mut means = vec![0.0; n_windows * (pixels.len() / width)];
-        for channel in 0..domain.n_channels() {
-            let rows = first..first + pixels.len() / width;
-            let mut windows = windows_of(pair, domain, channel);
-            windows.for_each_run(rows, n_windows, Part::Whole, |x, y, indices| {
+        let (first, n_rows) = (band * BAND, pixels.len() / width);
+        let mut means = vec![0.0; n_windows * n_rows];
+        let mut seen_planes = pair.reference.room_for_windows(true);
+        for x in (0..n_windows).step_by(BLOCK) {
+            let images = (pair.reference.shown(), pair.test);
+            let pixels = [x..n_windows.min(x + BLOCK), first..first + n_rows];
+            let block = Block::new(images, &pair.same, pixels, &mut seen_planes);
+            block.for_each_run(domain, |x, y, indices| {
                 let run = &mut means[(y - first) * n_windows + x..][..indices.len()];
                 for (mean, index) in run.iter_mut().zip(indices) {
                     *mean += index / domain.n_channels() as f64;
@@ -135,9 +123,79 @@ pub(super) fn map(pair: &Pair, domain: Domain) -> Image<f32> {
     map
 }
 
-fn windows_of<'a>(pair: &'a Pair, domain: Domain, channel: usize) -> Windows<'a, Channel<'a>> {
-    let images = [pair.reference.shown(), pair.shown()].map(|shown| Channel { shown, domain, channel });
-    Windows::new(images, stabilisers(domain.peak()), &pair.same, 0)
+/// A part of two images, and the windows that begin there.
+pub(super) struct Block<'a> {
+    columns: Range<usize>,
+    rows: Range<usize>,
+    same: &'a Same,
+    /// What is seen of the reference and of the image under test; nothing if that is the same.
+    views: [View<'a>; 2],
+}
+
+impl<'a> Block<'a> {
+    /// The windows that begin at `pixels`, columns and rows.
+    pub fn new(
+        (reference, test): (&'a Shown, &Picture),
+        same: &'a Same,
+        pixels: [Range<usize>; 2],
+        seen_planes: &'a mut Seen,
+    ) -> Self {
+        let size = [test.extent().width, test.extent().height].map(|side| side as usize);
+        let valid = valid_extent(test.extent());
+        let seen = match is_same(same, &pixels, 0) {
+            true => [0..0, 0..0],
+            false => std::array::from_fn(|axis| {
+                let Range { start, end } = pixels[axis];
+                start..size[axis].min(end + WINDOW - 1)
+            }),
+        };
+        let [of_reference, of_test] = seen_planes;
+        let views = [
+            reference.view(seen.clone(), of_reference),
+            View::of(test, seen, of_test),
+        ];
+        let [columns, rows] = pixels;
+        Self {
+            columns: columns.start..columns.end.min(valid.width as usize),
+            rows: rows.start..rows.end.min(valid.height as usize),
+            same,
+            views,
+        }
+    }
+
+    /// What reference and image under test show.
+    pub fn views(&self) -> &[View<'a>; 2] {
+        &self.views
+    }
+
+    /// Adds the index of each window and channel to the sums of the class of the pixel in its middle.
+    pub fn add(&self, domain: Domain, classes: Option<&Classes>, sums: &mut ByClass<Sums>) {
+        let mut totals = ByClass::default();
+        self.for_each_run(domain, |x, y, indices| {
+            let classes = centres(classes, x, y, indices.len());
+            mask::add(indices, classes, &mut totals);
+            match classes {
+                None => sums[0].n += indices.len() as f64,
+                Some(classes) => classes.iter().for_each(|class| sums[usize::from(*class)].n += 1.0),
+            }
+        });
+        for (sums, total) in sums.iter_mut().zip(totals) {
+            sums.terms[0] += total;
+        }
+    }
+
+    /// Calls `f` as [`Windows::for_each_run`] does, for one channel after the other.
+    fn for_each_run(&self, domain: Domain, mut f: impl FnMut(usize, usize, &[f64])) {
+        // The image's last rows may be too few for a window.
+        if self.rows.is_empty() {
+            return;
+        }
+        for channel in 0..domain.n_channels() {
+            let images = self.views.each_ref().map(|view| Channel { view, domain, channel });
+            let mut windows = Windows::new(images, stabilisers(domain.peak()), self.same, 0);
+            windows.for_each_run(self.columns.clone(), self.rows.clone(), Part::Whole, &mut f);
+        }
+    }
 }
 
 /// How many windows fit in each axis.
@@ -163,18 +221,25 @@ type Ring = [Row; RING];
 /// One channel of an image, to be read by rows.
 pub(super) trait Rows {
     /// The `columns` of row `y`, which may be put into `scratch`.
-    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut RowScratch) -> &'a [f64];
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut Vec<f64>) -> &'a [f64];
 }
 
 struct Channel<'a> {
-    shown: &'a Shown,
+    view: &'a View<'a>,
     domain: Domain,
     channel: usize,
 }
 
 impl Rows for Channel<'_> {
-    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut RowScratch) -> &'a [f64] {
-        self.shown.row(self.domain, self.channel, y, columns, scratch)
+    fn row<'a>(&'a self, y: usize, columns: Range<usize>, scratch: &'a mut Vec<f64>) -> &'a [f64] {
+        scratch.resize(columns.len(), 0.0);
+        match self.domain {
+            Domain::Display => return self.view.row(self.channel, y, columns),
+            Domain::Luma => luma(self.view.rows(y, columns), scratch),
+            Domain::U8 => code([self.view.row(self.channel, y, columns); 3], scratch),
+            Domain::Linear => unreachable!("no metric compares neighbours of linear values"),
+        }
+        scratch
     }
 }
 
@@ -194,7 +259,7 @@ pub(super) struct Windows<'a, R> {
     same: &'a Same,
     /// How often the images were halved since `same` was found.
     scale: u32,
-    scratch: [RowScratch; 2],
+    scratch: [Vec<f64>; 2],
     input: Box<Input>,
     /// The last rows, filtered along themselves.
     ring: Box<Ring>,
@@ -213,20 +278,20 @@ impl<'a, R: Rows> Windows<'a, R> {
         }
     }
 
-    /// Calls `f(x, y, indices)` for every run of at most [`TILE`] windows in `rows`, `width` windows to a row. The index is 1
-    /// wherever the images are the same, and nothing is filtered there.
+    /// Calls `f(x, y, indices)` for every run of at most [`TILE`] of the windows in `columns` and `rows`. The index is 1 wherever
+    /// the images are the same, and nothing is filtered there.
     pub(super) fn for_each_run(
         &mut self,
+        columns: Range<usize>,
         rows: Range<usize>,
-        width: usize,
         part: Part,
         mut f: impl FnMut(usize, usize, &[f64]),
     ) {
         let mut means = [Row([0.0; MOMENTS * TILE]); 2];
         let mut indices = [0.0; TILE];
-        for x in (0..width).step_by(TILE) {
-            let n = TILE.min(width - x);
-            if self.is_same(x..x + n, rows.clone()) {
+        for x in columns.clone().step_by(TILE) {
+            let n = TILE.min(columns.end - x);
+            if is_same(self.same, &[x..x + n, rows.clone()], self.scale) {
                 rows.clone().for_each(|y| f(x, y, &[1.0; TILE][..n]));
                 continue;
             }
@@ -248,13 +313,6 @@ impl<'a, R: Rows> Windows<'a, R> {
         }
     }
 
-    /// Whether all that these windows see is the same in both images. Halving may move pixels by one, each time.
-    fn is_same(&self, x: Range<usize>, y: Range<usize>) -> bool {
-        let seen =
-            |windows: Range<usize>| windows.start.saturating_sub(1) << self.scale..(windows.end + WINDOW) << self.scale;
-        self.same.covers(seen(x), seen(y))
-    }
-
     /// Puts row `y` of the images into the ring, filtered; columns beyond the image are not read from it.
     fn load(&mut self, x: usize, n: usize, y: usize) {
         let [scratch_r, scratch_t] = &mut self.scratch;
@@ -264,6 +322,13 @@ impl<'a, R: Rows> Windows<'a, R> {
         let t = test.row(y, columns, scratch_t);
         filter_row(r, t, &mut self.input, &mut self.ring[y % RING]);
     }
+}
+
+/// Whether all that these windows see is the same in both images, halved `scale` times. Halving may move pixels by one, each time.
+fn is_same(same: &Same, windows: &[Range<usize>; 2], scale: u32) -> bool {
+    let seen = |windows: &Range<usize>| windows.start.saturating_sub(1) << scale..(windows.end + WINDOW) << scale;
+    let [columns, rows] = windows;
+    same.covers(seen(columns), seen(rows))
 }
 
 vectorised! {
@@ -329,4 +394,93 @@ fn weigh<const N: usize>([w0, w1, w2, w3, w4, w5]: [f64; HALF + 1], taps: &[&[f6
     let near = w2.mul_add(l2[i] + r2[i], w1.mul_add(l1[i] + r1[i], w0 * centre[i]));
     let far = w5.mul_add(l5[i] + r5[i], w4.mul_add(l4[i] + r4[i], w3 * (l3[i] + r3[i])));
     near + far
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{Display, Metric, Reference};
+
+    /// Noise; `test` differs from the reference in the first 70 columns only.
+    fn picture(extent: Extent, test: bool) -> Picture {
+        let noise = |n: u32| (n.wrapping_mul(0x9e37_79b9) >> 8) as f32 / 16_777_216.0;
+        let pixel = |x: u32, y: u32| {
+            let base = x.wrapping_mul(7919) ^ y.wrapping_mul(104_729);
+            let added = if test && x < 70 { 0.2 * noise(!base) } else { 0.0 };
+            [0, 1, 2].map(|channel| noise(base.wrapping_add(channel)) + added)
+        };
+        Picture::linear(Image::from_fn(extent, pixel), Display::default())
+    }
+
+    /// The mean over all windows and channels of the index as it is printed.
+    fn by_definition(extent: Extent, pictures: [&Picture; 2]) -> f64 {
+        let [width, height] = [extent.width, extent.height].map(|side| side as usize);
+        let [r, t] = pictures.map(|picture| {
+            let mut planes = [(); 3].map(|()| vec![0.0; width * height]);
+            picture.show([0..width, 0..height], planes.each_mut().map(Vec::as_mut_slice));
+            planes
+        });
+        let weight = |i: usize, j: usize| WEIGHTS[i.abs_diff(HALF)] * WEIGHTS[j.abs_diff(HALF)];
+        let [c1, c2] = stabilisers(1.0);
+        let (mut sum, mut n) = (0.0, 0.0);
+        for (r, t) in r.iter().zip(&t) {
+            for y in 0..=height - WINDOW {
+                for x in 0..=width - WINDOW {
+                    let mean = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
+                        let pixels = (0..WINDOW * WINDOW).map(|k| (k % WINDOW, k / WINDOW));
+                        pixels
+                            .map(|(i, j)| {
+                                let at = (y + j) * width + x + i;
+                                weight(i, j) * f(r[at], t[at])
+                            })
+                            .sum()
+                    };
+                    let (mr, mt) = (mean(&|r, _| r), mean(&|_, t| t));
+                    let variances = mean(&|r, t| (r - mr) * (r - mr) + (t - mt) * (t - mt));
+                    let covariance = mean(&|r, t| (r - mr) * (t - mt));
+                    sum +=
+                        (2.0 * mr * mt + c1) * (2.0 * covariance + c2) / ((mr * mr + mt * mt + c1) * (variances + c2));
+                    n += 1.0;
+                }
+            }
+        }
+        sum / n
+    }
+
+    #[test]
+    fn every_size_is_cut_without_a_seam() {
+        let sizes = [
+            (11, 11),
+            (64, 12),
+            (65, 11),
+            (74, 13),
+            (75, 27),
+            (138, 11),
+            (139, 20),
+            (20, 139),
+            (130, 130),
+            (203, 141),
+        ];
+        for (width, height) in sizes {
+            let extent = Extent::new(width, height);
+            let [reference, test] = [false, true].map(|test| picture(extent, test));
+            let values = |metrics: &[Metric]| {
+                Reference::new(reference.clone(), metrics)
+                    .evaluate(&test)
+                    .unwrap()
+                    .values
+            };
+            let both = values(&[Metric::SSIM, Metric::PSNR]);
+            let found = ["ssim", "psnr"].map(|id| both[id].0);
+            let expected = [
+                by_definition(extent, [&reference, &test]),
+                values(&[Metric::PSNR])["psnr"].0,
+            ];
+            let errors: [f64; 2] = std::array::from_fn(|i| (found[i] - expected[i]).abs());
+            assert!(
+                errors[0] < 1e-12 && errors[1] < 1e-11,
+                "{extent}: {found:?} instead of {expected:?}"
+            );
+        }
+    }
 }
