@@ -11,11 +11,12 @@ use super::{
     reference::Reference,
     relative_error,
     same::{Same, TILE},
-    shown::View,
+    shown::{Area, View},
     ssim,
     temporal::Change,
     vector::vectorised,
 };
+use crate::image::Extent;
 use rayon::prelude::*;
 use std::{collections::BTreeMap, ops::Range};
 
@@ -48,16 +49,14 @@ pub struct Errors<'a> {
     pub known: bool,
 }
 
-/// The rows of three planes that a thread works on.
-type Band<'a> = Option<[&'a mut [f64]; 3]>;
-
-/// What a thread leaves of its band.
+/// What a thread leaves of its block: the rows of planes, and none where a plane is not wanted.
+#[derive(Default)]
 struct Left<'a> {
-    luma: Option<&'a mut [f64]>,
-    errors: Band<'a>,
+    luma: Vec<&'a mut [f64]>,
+    errors: [Vec<&'a mut [f64]>; 3],
 }
 
-/// What a thread found in its band.
+/// What a thread found in its block.
 struct Found {
     totals: Vec<ByClass<f64>>,
     windows: Vec<ByClass<Sums>>,
@@ -96,7 +95,7 @@ impl Quantity {
 }
 
 impl Pass<'_> {
-    pub fn run(self, mut errors: Option<Errors>) -> Rows {
+    pub fn run(self, errors: Option<Errors>) -> Rows {
         let extent = self.test.extent();
         let width = extent.width as usize;
         let comparable = self.test.reads_like(self.reference.picture()) && self.reference.is_finite();
@@ -110,41 +109,36 @@ impl Pass<'_> {
             self.reference.new_plane()
         });
         let known = errors.as_ref().is_some_and(|errors| errors.known);
-        let n_rows = if self.windows.is_empty() { TILE } else { ssim::BAND };
-        let n_bands = (extent.height as usize).div_ceil(n_rows);
-        let errors = bands(
-            errors.as_mut().map(|errors| &mut *errors.planes),
-            width * n_rows,
-            n_bands,
-        );
-        let lumas = luma.iter_mut().flat_map(|plane| plane.chunks_mut(width * n_rows));
-        let lumas = lumas.map(Some).chain(std::iter::repeat_with(|| None));
-        let left: Vec<Left> = lumas.zip(errors).map(|(luma, errors)| Left { luma, errors }).collect();
-        let found = left.into_par_iter().enumerate();
-        let found: Vec<Found> = found
-            .map_init(
-                || {
-                    (
-                        self.reference.room_for_windows(!self.windows.is_empty()),
-                        Scratch::new(),
-                    )
-                },
-                |(seen, scratch), (band, left)| {
-                    let rows = band * n_rows..(extent.height as usize).min((band + 1) * n_rows);
-                    self.band(rows, &same, (left, known), (seen, scratch))
-                },
-            )
-            .collect();
-        let n_non_finite = found.iter().map(|band| band.n_non_finite).sum();
+        // What is converted for windows stays in the second-level cache while it is compared.
+        let size = match self.windows.is_empty() {
+            true => [width, TILE],
+            false => [ssim::BLOCK, ssim::BAND],
+        };
+        let blocks = blocks(extent, size);
+        let mut left: Vec<Left> = blocks.iter().map(|_| Left::default()).collect();
+        if let Some(plane) = &mut luma {
+            cut(plane, width, size, |block, row| left[block].luma.push(row));
+        }
+        for (channel, plane) in errors.into_iter().flat_map(|errors| errors.planes).enumerate() {
+            cut(plane, width, size, |block, row| left[block].errors[channel].push(row));
+        }
+        let work: Vec<(Area, Left)> = blocks.into_iter().zip(left).collect();
+        let has_windows = !self.windows.is_empty();
+        let room = || (self.reference.room_for_windows(has_windows), Scratch::new());
+        let found = work.into_par_iter().map_init(room, |(seen, scratch), (block, left)| {
+            self.block(block, &same, (left, known), (seen, scratch))
+        });
+        let found: Vec<Found> = found.collect();
+        let n_non_finite = found.iter().map(|block| block.n_non_finite).sum();
         let pointwise = self.quantities.iter().enumerate();
         let pointwise = pointwise.map(|(i, quantity)| {
-            let totals = found.iter().map(|band| &band.totals[i]);
+            let totals = found.iter().map(|block| &block.totals[i]);
             (*quantity, self.sums(*quantity, totals))
         });
         let windows = self.windows.iter().enumerate().map(|(i, domain)| {
-            let bands = found.iter().map(|band| &band.windows[i]);
-            let all = bands.fold(Default::default(), |all: ByClass<Sums>, band| {
-                std::array::from_fn(|class| all[class].plus(&band[class]))
+            let blocks = found.iter().map(|block| &block.windows[i]);
+            let all = blocks.fold(Default::default(), |all: ByClass<Sums>, block| {
+                std::array::from_fn(|class| all[class].plus(&block[class]))
             });
             (Quantity::Ssim(*domain), all)
         });
@@ -156,12 +150,12 @@ impl Pass<'_> {
         }
     }
 
-    /// The sums of all bands, top to bottom, so that they do not depend on the number of threads.
-    fn sums<'b>(&self, quantity: Quantity, bands: impl Iterator<Item = &'b ByClass<f64>>) -> ByClass<Sums> {
+    /// The sums of all blocks, one after the other, so that they do not depend on the number of threads.
+    fn sums<'b>(&self, quantity: Quantity, blocks: impl Iterator<Item = &'b ByClass<f64>>) -> ByClass<Sums> {
         let n_channels = quantity.pointwise_domain().n_channels() as f64;
         let mut sums = self.reference.n_pixels().map(|n| Sums::new(n * n_channels, []));
-        for band in bands {
-            for (sums, total) in sums.iter_mut().zip(band) {
+        for block in blocks {
+            for (sums, total) in sums.iter_mut().zip(block) {
                 sums.terms[0] += total;
             }
         }
@@ -173,69 +167,72 @@ impl Pass<'_> {
         sums
     }
 
-    /// Part by part: what is converted for windows stays in the second-level cache while it is compared.
-    fn band(
+    fn block(
         &self,
-        rows: Range<usize>,
+        [columns, rows]: Area,
         same: &Same,
         (mut left, known): (Left, bool),
         (seen, scratch): (&mut ssim::Seen, &mut Scratch),
     ) -> Found {
-        let width = self.test.extent().width as usize;
-        let n_columns = if self.windows.is_empty() { width } else { ssim::BLOCK };
         let mut found = Found {
             totals: vec![Default::default(); self.quantities.len()],
             windows: vec![Default::default(); self.windows.len()],
             n_non_finite: 0,
         };
+        let windows = (!self.windows.is_empty()).then(|| {
+            let images = (self.reference.shown(), self.test);
+            ssim::Block::new(images, same, [columns.clone(), rows.clone()], seen)
+        });
         let most = RUN.min(self.reference.strip().width).div_ceil(TILE);
-        for left_column in (0..width).step_by(n_columns) {
-            let columns = left_column..width.min(left_column + n_columns);
-            let block = (!self.windows.is_empty()).then(|| {
-                let images = (self.reference.shown(), self.test);
-                ssim::Block::new(images, same, [columns.clone(), rows.clone()], seen)
-            });
-            for y in rows.clone() {
-                let row = (y - rows.start) * width;
-                for (is_same, columns) in same.runs(y, columns.clone(), most) {
-                    let at = row + columns.start..row + columns.end;
-                    let mut run = Run {
-                        pass: self,
-                        views: block.as_ref().map(ssim::Block::views),
-                        y,
-                        columns,
-                        luma: left.luma.as_mut().map(|luma| &mut luma[at.clone()]),
-                        errors: cut(&mut left.errors, at),
-                        known,
-                    };
-                    match is_same {
-                        true => run.repeat(&mut found.totals),
-                        false => found.n_non_finite += run.compare(scratch, &mut found.totals),
-                    }
+        for (i, y) in rows.enumerate() {
+            for (is_same, run) in same.runs(y, columns.clone(), most) {
+                let at = run.start - columns.start..run.end - columns.start;
+                let mut run = Run {
+                    pass: self,
+                    views: windows.as_ref().map(ssim::Block::views),
+                    y,
+                    columns: run,
+                    luma: part(&mut left.luma, i, at.clone()),
+                    errors: left.errors.each_mut().map(|rows| part(rows, i, at.clone())),
+                    known,
+                };
+                match is_same {
+                    true => run.repeat(&mut found.totals),
+                    false => found.n_non_finite += run.compare(scratch, &mut found.totals),
                 }
             }
-            for (domain, sums) in self.windows.iter().zip(&mut found.windows) {
-                let block = block.as_ref().expect("made for windows");
-                block.add(*domain, self.reference.classes(), sums);
-            }
+        }
+        for (domain, sums) in self.windows.iter().zip(&mut found.windows) {
+            let windows = windows.as_ref().expect("made for all domains");
+            windows.add(*domain, self.reference.classes(), sums);
         }
         found
     }
 }
 
-/// Planes cut into `n_bands` bands of `n` pixels.
-fn bands(planes: Option<&mut [Plane; 3]>, n: usize, n_bands: usize) -> Vec<Band<'_>> {
-    let Some(planes) = planes else {
-        return (0..n_bands).map(|_| None).collect();
-    };
-    let [r, g, b] = planes.each_mut().map(|plane| plane.chunks_mut(n));
-    r.zip(g).zip(b).map(|((r, g), b)| Some([r, g, b])).collect()
+/// An image cut into blocks of `size` pixels, row by row.
+fn blocks(extent: Extent, size: [usize; 2]) -> Vec<Area> {
+    let [columns, rows] = [(extent.width, size[0]), (extent.height, size[1])].map(|(side, size)| {
+        let side = side as usize;
+        (0..side).step_by(size).map(move |start| start..side.min(start + size))
+    });
+    rows.flat_map(|rows| columns.clone().map(move |columns| [columns, rows.clone()]))
+        .collect()
 }
 
-/// A part of a band.
-fn cut<'a>(band: &'a mut Band, at: Range<usize>) -> Band<'a> {
-    let planes = band.as_mut()?;
-    Some(planes.each_mut().map(|plane| &mut plane[at.clone()]))
+/// Calls `f` with the number of a block and a row of `plane` in it, from its first row on.
+fn cut<'a>(plane: &'a mut Plane, width: usize, size: [usize; 2], mut f: impl FnMut(usize, &'a mut [f64])) {
+    for (y, row) in plane.chunks_mut(width).enumerate() {
+        let first = y / size[1] * width.div_ceil(size[0]);
+        for (x, row) in row.chunks_mut(size[0]).enumerate() {
+            f(first + x, row);
+        }
+    }
+}
+
+/// A part of the `i`-th row, where there are any.
+fn part<'a>(rows: &'a mut [&mut [f64]], i: usize, columns: Range<usize>) -> Option<&'a mut [f64]> {
+    Some(&mut rows.get_mut(i)?[columns])
 }
 
 /// Some columns of a row.
@@ -248,7 +245,7 @@ struct Run<'a> {
     /// Where its luma is to be kept.
     luma: Option<&'a mut [f64]>,
     /// Where errors are replaced.
-    errors: Band<'a>,
+    errors: [Option<&'a mut [f64]>; 3],
     /// Whether there are any yet.
     known: bool,
 }
@@ -364,7 +361,7 @@ impl Run<'_> {
             _ => false,
         };
         let pass = self.pass;
-        let alone = self.luma.is_none() && self.errors.is_none() && pass.reference.classes().is_none();
+        let alone = self.luma.is_none() && self.errors[0].is_none() && pass.reference.classes().is_none();
         if !alone || !pass.quantities.iter().all(follows) {
             return None;
         }
