@@ -20,9 +20,11 @@ pub struct Plane {
 impl Pool {
     /// A plane of `n` values, whatever they are.
     pub fn plane(&self, n: usize) -> Plane {
-        let spare = self.spare(|spare| spare.get_mut(&n)?.pop());
+        let mut values = self.spare(|spare| spare.get_mut(&n)?.pop()).unwrap_or_default();
+        // Not `vec!`, which leaves new pages to whichever threads come upon them, and those get into each other's way.
+        values.resize(n, 0.0);
         Plane {
-            values: spare.unwrap_or_else(|| vec![0.0; n]),
+            values,
             pool: self.clone(),
         }
     }
